@@ -6,7 +6,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -138,12 +138,14 @@ def program(*arguments: str, keep: Sequence[str] = ()) -> Iterator[Program]:
 
 
 @contextmanager
-def command(*words: str, keep: Sequence[str] = ()) -> Iterator[Program]:
-    """Run a command in the same way."""
+def command(
+    *words: str, keep: Sequence[str] = (), cwd: Path = ROOT, environment: Mapping[str, str] = os.environ
+) -> Iterator[Program]:
+    """Run a command in the same way, in a folder and an environment."""
     ours = {PARENT, "RUST_LOG", "LOG_FORMAT", "LOG_LEVEL"} - set(keep)
-    environment = {key: value for key, value in os.environ.items() if key not in ours}
+    kept = {key: value for key, value in environment.items() if key not in ours}
     with subprocess.Popen(
-        words, cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        words, cwd=cwd, env=kept, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as running:
         started = Program(running)
         try:

@@ -7,21 +7,15 @@ import pytest
 from blackboard.config import Scenario
 from blackboard.lab.team import Team
 from tests.heard import Agreed, Heard
+from tests.scenarios import SCENARIO
 
 PRODUCT = {"independence": 1.0, "gate": 50.0}
 
 
 def new_scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
     """Robots that take nothing back, so that what they report is the same whatever their boards do."""
-    return Scenario(
-        {
-            "team": {"name": "t", "sub_teams": sub_teams},
-            "grid": {"shape": [24, 24]},
-            "time": {"tick": 0.5, "seconds": 2.0},
-            "world": {"seed": 3},
-            "board": {"feedback": "off", **PRODUCT, **board},
-        }
-    )
+    scenario = SCENARIO.changed("team", sub_teams=sub_teams).changed("time", seconds=2.0)
+    return scenario.changed("board", feedback="off", **PRODUCT, **board)
 
 
 def agreed(sub_teams: dict[str, list[str]], **board: object) -> Agreed:

@@ -11,20 +11,12 @@ from blackboard.config import Scenario
 from blackboard.lab.team import Team
 from blackboard.wire.arrays import unpack
 from tests.heard import Agreed, Heard
+from tests.scenarios import JOINT
 
-PEOPLE = Scenario(
-    {
-        "team": {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r3"]}},
-        "grid": {"shape": [20, 20]},
-        "time": {"tick": 0.5, "seconds": 12.0},
-        "board": {"fusion": "joint"},
-        "world": {
-            "seed": 4,
-            "objects": {},
-            "people": {"count": 2, "speed": 0.5},
-            "detector": {"missed": 0.1, "clutter": 0.1},
-        },
-    }
+PEOPLE = (
+    JOINT.changed("grid", shape=[20, 20])
+    .changed("time", seconds=12.0)
+    .changed("world", seed=4, objects={}, people={"count": 2, "speed": 0.5}, detector={"missed": 0.1, "clutter": 0.1})
 )
 
 TEAM = ("robot/r1", "robot/r2", "robot/r3")
@@ -103,17 +95,8 @@ def test_boards_that_were_all_started_again_give_no_name_that_was_given_before(f
 
 
 #: Two people and an opponent, whom nobody names, in a team that knows where it is and keeps no joint.
-OPINIONS = Scenario(
-    {
-        **PEOPLE.tables,
-        "board": {"fusion": "opinions"},
-        "world": {
-            "seed": 4,
-            "objects": {},
-            "people": {"count": 2, "speed": 0.5},
-            "detector": {"anonymous": ["person", "robot"], "missed": 0.1, "clutter": 0.1},
-        },
-    }
+OPINIONS = PEOPLE.changed("board", fusion="opinions").changed(
+    "world", detector={"anonymous": ["person", "robot"], "missed": 0.1, "clutter": 0.1}
 )
 
 

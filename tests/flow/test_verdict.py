@@ -1,21 +1,14 @@
 """Disasters that are no PASS, with real services: a board that dies and stays away, and robots that all begin anew in the middle."""
 
-from blackboard.config import Scenario
 from blackboard.lab.team import Team
 from robot_agent.team import robot_of
+from tests.scenarios import SCENARIO
 
-SCENARIO = Scenario(
-    {
-        "team": {"name": "t", "sub_teams": {"a": ["r1", "r2"], "b": ["r3"]}},
-        "grid": {"shape": [24, 24]},
-        "time": {"tick": 0.5, "seconds": 12.0},
-        "world": {"seed": 3, "objects": {}, "check": {"robots": 9.0, "solo": 1.5}},
-    }
-)
+LONGER = SCENARIO.changed("time", seconds=12.0).changed("world", objects={}, check={"robots": 9.0, "solo": 1.5})
 
 
 def test_a_board_that_dies_and_stays_away_is_a_fail_that_names_its_robots() -> None:
-    team = Team(SCENARIO)
+    team = Team(LONGER)
     team.run_until(lambda: team.world.tick >= 7)
     team.leave(team.boards["b"])
     card = team.run()
@@ -26,13 +19,13 @@ def test_a_board_that_dies_and_stays_away_is_a_fail_that_names_its_robots() -> N
 
 
 def test_robots_that_all_lose_themselves_are_a_fail() -> None:
-    calm = Team(SCENARIO).run()
+    calm = Team(LONGER).run()
     assert calm["verdict"] == "PASS", calm["reasons"]
-    team = Team(SCENARIO)
+    team = Team(LONGER)
     team.run_until(lambda: team.world.tick >= 7)
     for name, service in team.robots.items():
         team.leave(service)
-        team.join(robot_of(SCENARIO, name))
+        team.join(robot_of(LONGER, name))
     card = team.run()
     assert card["verdict"] == "FAIL"
     assert any(reason.startswith("robots: solo rmse") for reason in card["reasons"])

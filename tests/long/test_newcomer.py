@@ -18,8 +18,9 @@ import pytest
 
 from blackboard.judge.card import NOT_AGAIN
 from blackboard.run.launch import free_port
+from tests import processes
 from tests.files import ROOT
-from tests.processes import Program, children, is_running, wait_until
+from tests.processes import Program, wait_until
 from tests.snippets import block, blocks
 
 pytestmark = pytest.mark.timeout(1200)
@@ -62,19 +63,10 @@ def shell(clone: Path, command: str, statuses: Sequence[int] = (0,)) -> str:
 @contextmanager
 def started(clone: Path, command: str) -> Iterator[Program]:
     """A command line that runs until it is stopped by Ctrl-C."""
-    with subprocess.Popen(
-        ["/bin/sh", "-c", f"exec {command}"], cwd=clone, env=environment(), text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    ) as running:  # fmt: skip
-        try:
-            program = Program(running)
-            yield program
-            running.send_signal(signal.SIGINT)
-            program.ends()
-        finally:
-            for pid in (running.pid, *children(running.pid)):
-                if is_running(pid):
-                    os.kill(pid, signal.SIGKILL)
+    with processes.command("/bin/sh", "-c", f"exec {command}", cwd=clone, environment=environment()) as program:
+        yield program
+        program.running.send_signal(signal.SIGINT)
+        program.ends()
 
 
 def page(program: Program) -> str:

@@ -2,8 +2,6 @@
 
 import itertools
 import json
-import subprocess
-import sys
 import threading
 from collections.abc import Callable
 from functools import cache
@@ -13,7 +11,6 @@ from typing import Any
 import pytest
 
 from blackboard.config import load
-from blackboard.errors import UserError
 from blackboard.lab.team import Team
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
@@ -23,7 +20,7 @@ from blackboard.run.launch import free_port
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Status
-from tests.files import ROOT
+from tests.processes import Program, program
 from tests.scenarios import patient_demo
 from tests.wire.envelopes import put
 
@@ -47,22 +44,16 @@ def flood() -> list[Envelope]:
     return envelopes
 
 
-def disturbed(disturb: Callable[[Link, subprocess.Popen[str]], None], folder: Path) -> dict[str, Any]:
+def disturbed(disturb: Callable[[Link, Program], None], folder: Path) -> dict[str, Any]:
     """The scorecard of a demo of real processes, while a stranger does something on a link of its own; stopped at the latest."""
     at = f"tcp/127.0.0.1:{free_port()}"
     length = ("--robots", str(ROBOTS), "--seconds", f"{SECONDS:g}")
-    command = [sys.executable, "-m", "blackboard", "up", patient_demo(folder), *length, "--json", "-l", at]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as running:
-        try:
-            with Link(LinkConfig(connect=(at,)), "stranger", patience=30.0) as link:
-                disturb(link, running)
-        except UserError:
-            pytest.fail("no router answered")
-        finally:
-            if running.poll() is None:
-                running.terminate()
-        out, _ = running.communicate(timeout=60)
-    card: dict[str, Any] = json.loads(out)
+    with program("-m", "blackboard", "up", patient_demo(folder), *length, "--json", "-l", at) as running:
+        with Link(LinkConfig(connect=(at,)), "stranger", patience=30.0) as link:
+            disturb(link, running)
+        running.running.terminate()
+        running.ends()
+    card: dict[str, Any] = json.loads(running.out)
     assert card["ticks"] == round(SECONDS / DEMO.time.tick)
     return card
 
@@ -78,10 +69,10 @@ def undisturbed() -> str:
 def test_a_stranger_s_flood_changes_not_a_bit(tmp_path: Path) -> None:
     sent, pause, clock = 0, threading.Event(), UnixClock()
 
-    def disturb(link: Link, running: subprocess.Popen[str]) -> None:
+    def disturb(link: Link, team: Program) -> None:
         nonlocal sent
         envelopes, end = itertools.cycle(flood()), clock.now() + ENDS
-        while running.poll() is None and clock.now() < end:
+        while team.running.poll() is None and clock.now() < end:
             for envelope in itertools.islice(envelopes, BURST):
                 link.send(envelope)
             sent += BURST
@@ -99,13 +90,13 @@ def test_tokens_of_processes_that_say_nothing_change_not_a_bit(tmp_path: Path) -
     """100 robots' tokens, and those of two boards."""
     team = DEMO.team
 
-    def disturb(link: Link, running: subprocess.Popen[str]) -> None:
+    def disturb(link: Link, running: Program) -> None:
         first, *_ = team.sub_teams
         for i in range(100):
             link.token(keys.MEMBER.key(team=team.name, sub_team=first, robot=f"x{i}"))
         for name in ("a-first", "z-last"):
             link.token(keys.BOARD.key(team=team.name, sub_team=first, board=name))
-        running.wait(ENDS)
+        running.running.wait(ENDS)
 
     card = disturbed(disturb, tmp_path)
     assert card["counters"].get("given_up", 0) == 0

@@ -1,77 +1,50 @@
 """Somebody else's robot, written from docs/wire.md alone, and a hostile client, against a real board."""
 
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
-from blackboard.run.launch import free_port
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, Status
 from blackboard.wire.raw import MAX_BYTES
 from tests.files import ROOT
-from tests.processes import LONG, wait_until
+from tests.processes import program, wait_until
 
 
-@pytest.fixture(scope="module")
-def endpoint() -> Iterator[str]:
-    """A router and the board of sub-team a, as processes."""
-    at = f"tcp/127.0.0.1:{free_port()}"
-    python = (sys.executable, "-m", "blackboard")
-    commands = (
-        [*python, "router", "-l", at],
-        [*python, "serve", "--team", "t", "--sub-team", "a", "--id", "desk", "-e", at],
-    )
-    processes = [subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) for command in commands]
-    try:
-        with Link(LinkConfig(connect=(at,)), "fixture", patience=30.0):
-            pass  # the router answers
-        yield at
-    finally:
-        for process in reversed(processes):
-            process.terminate()
-        for process in reversed(processes):
-            try:
-                process.wait(10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+@pytest.fixture
+def desk(endpoint: str) -> Iterator[str]:
+    """Where the board of sub-team a is to be reached."""
+    with program(
+        "-m", "blackboard", "serve", "--team", "t", "--sub-team", "a", "--id", "desk", "-e", endpoint
+    ) as board:
+        board.says("ready")
+        yield endpoint
 
 
-def test_a_robot_from_the_wire_document_alone_is_understood(endpoint: str) -> None:
-    command = [sys.executable, str(ROOT / "examples" / "minimal_robot.py"), "-e", endpoint, "--team", "t"]
-    robot = subprocess.Popen(
-        [*command, "--sub-team", "a", "--id", "guest", "--at", "12", "20", "--seconds", "60"],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        with Link(LinkConfig(connect=(endpoint,)), "watcher") as link:
-            link.subscribe("cop/t/a/agreed/**")
-            consensuses: list[Consensus] = []
+def test_a_robot_from_the_wire_document_alone_is_understood(desk: str, connect: Callable[[str], Link]) -> None:
+    link, consensuses = connect("watcher"), list[Consensus]()
+    link.subscribe("cop/t/a/agreed/**")
+    example = str(ROOT / "examples" / "minimal_robot.py")
+    about = ("--team", "t", "--sub-team", "a", "--id", "guest", "--at", "12", "20", "--seconds", "60")
+    with program(example, "-e", desk, *about) as robot:
 
-            def heard() -> bool:
-                consensuses.extend(decode(Consensus, e.payload) for e in link.receive(0.1))
-                return {"robot/guest", "object/ball"} <= {c.subject for c in consensuses}
+        def heard() -> bool:
+            consensuses.extend(decode(Consensus, e.payload) for e in link.receive(0.1))
+            return {"robot/guest", "object/ball"} <= {c.subject for c in consensuses}
 
-            wait_until(heard, "the board agrees on what the guest reported")
-            place = next(c for c in consensuses if c.subject == "robot/guest")
-            assert place.ancestors.keys() == {"guest"}
-            late = link.get("cop/t/a/agreed/robot/guest")
-            assert [e.key for e in late] == ["cop/t/a/agreed/robot/guest"]
-        assert robot.stdout is not None
-        assert "robot/guest" in robot.stdout.readline() + robot.stdout.readline()
-    finally:
-        robot.terminate()
-        robot.communicate(timeout=LONG)
+        wait_until(heard, "the board agrees on what the guest reported")
+        place = next(c for c in consensuses if c.subject == "robot/guest")
+        assert place.ancestors.keys() == {"guest"}
+        late = link.get("cop/t/a/agreed/robot/guest")
+        assert [e.key for e in late] == ["cop/t/a/agreed/robot/guest"]
+        wait_until(lambda: "robot/guest" in robot.out, "it prints what is agreed")
 
 
-def test_a_hostile_client_is_counted_and_the_board_lives(endpoint: str) -> None:
-    with Link(LinkConfig(connect=(endpoint,)), "attacker") as link:
+def test_a_hostile_client_is_counted_and_the_board_lives(desk: str) -> None:
+    with Link(LinkConfig(connect=(desk,)), "attacker") as link:
         link.subscribe("cop/t/a/status/desk")
         key = "cop/t/a/report/r1/object/ball"
         statuses: list[Status] = []
