@@ -45,7 +45,7 @@ UNKNOWN_WHEELS = Wheels(
 )
 
 
-SUMMED = ("distance", "turn", "dt")  # of Odometry
+SUMMED = ("distance", "turn", "dt", "aside")  # of Odometry
 
 
 @dataclass(frozen=True)

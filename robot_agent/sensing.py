@@ -109,7 +109,7 @@ def unseen(before: Readings | None, readings: Readings) -> Unseen:
     if gap <= readings.odometry.dt / 2:
         return Unseen()
     told = [one.odometry for one in (before, readings) if one.odometry is not None]
-    speed = max(abs(odometry.distance) / odometry.dt for odometry in told)
+    speed = max(math.hypot(odometry.distance, odometry.aside) / odometry.dt for odometry in told)
     rate = max(abs(odometry.turn) / odometry.dt for odometry in told)
     return Unseen(speed * gap, min(math.pi, max(rate, TURNING if speed else 0.0) * gap))
 

@@ -210,7 +210,7 @@ class AgentService(Around):
         if self.clock.pace is Pace.FREE and self.tick < 0:
             log.info("%s: no world gives the clock; going by its readings and Unix time", self.robot)
         if readings.odometry is not None:
-            self._speeds.append(abs(readings.odometry.distance) / readings.odometry.dt)
+            self._speeds.append(math.hypot(readings.odometry.distance, readings.odometry.aside) / readings.odometry.dt)
         speed = fastest(list(self._speeds), steady=self._saves)
         if unknown := sum(not sighting.is_known for sighting in readings.seen):
             self.counters["unknown_kinds"] += unknown

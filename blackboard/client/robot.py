@@ -70,21 +70,29 @@ class Robot(Membership):
         dt: float,
         distance_sigma: float | None = None,
         turn_sigma: float | None = None,
+        *,
+        aside: float = 0.0,
     ) -> None:
         """The robot drove a distance (forward is positive) and turned in `dt` seconds; sigmas of this piece [default: by the model].
+
+        `aside` is how far it drove to its left, of one that can. `distance_sigma` holds for each direction then.
 
         Several pieces between two steps add up. A step without any means that the robot stood.
         """
         known = Call("odometry", self._warn)
-        self._tell(
-            odometry=Odometry(
-                distance=known.number("distance", distance),
-                turn=known.turn("turn", turn),
-                dt=known.number("dt", dt, least=LEAST),
-                distance_sigma=known.sigma("distance_sigma", distance_sigma),
-                turn_sigma=known.sigma("turn_sigma", turn_sigma),
-            )
+        moved = Odometry(
+            distance=known.number("distance", distance),
+            turn=known.turn("turn", turn),
+            dt=known.number("dt", dt, least=LEAST),
+            distance_sigma=known.sigma("distance_sigma", distance_sigma),
+            turn_sigma=known.sigma("turn_sigma", turn_sigma),
+            aside=known.number("aside", aside),
         )
+        if abs(moved.aside) > abs(moved.distance) and self._joined is not None and not self._joint:
+            self._warn(
+                "aside", 'its boards keep no joint, so what it drives to the side is left out: [board] fusion = "joint"'
+            )
+        self._tell(odometry=moved)
 
     def moved_to(
         self, pose: npt.ArrayLike, dt: float, distance_sigma: float | None = None, turn_sigma: float | None = None
@@ -103,7 +111,8 @@ class Robot(Membership):
             turn = math.remainder(heading - last[2], math.tau)
             way = last[2] + turn / 2
             distance = (x - last[0]) * math.cos(way) + (y - last[1]) * math.sin(way)
-            self.odometry(distance, turn, seconds, *sigmas)
+            aside = (y - last[1]) * math.cos(way) - (x - last[0]) * math.sin(way)
+            self.odometry(distance, turn, seconds, *sigmas, aside=aside)
 
     def compass(self, heading: float, sigma: float | None = None) -> None:
         """The robot's heading in the team's frame, as a compass says it: 0 along x, counter-clockwise."""
@@ -206,8 +215,9 @@ class Robot(Membership):
         """The posterior (x, y, heading) of the robot's own filter, with covariance (3, 3), and the odometry since the one before.
 
         `odometry` is (distance, turn, dt), or (distance, turn, dt, distance_sigma, turn_sigma) where you know what noise your filter
-        gives it. What the posterior gained over its prediction goes to the team, once. Nothing that came from the team may be in it:
-        neither `pose` nor `agreed`. Sightings of mates and objects go to `see` as before, fixes and landmarks into your filter.
+        gives it; of a robot that drives sideways with the way to its left behind that. What the posterior gained over its prediction
+        goes to the team, once. Nothing that came from the team may be in it: neither `pose` nor `agreed`. Sightings of mates and
+        objects go to `see` as before, fixes and landmarks into your filter.
         """
         known = Call("belief")
         place = known.numbers("mean", mean, (3,))
@@ -235,12 +245,13 @@ class Robot(Membership):
         return self._desk.call(lambda now: (self._driven.independence, []))
 
     def _posterior(self, known: Call, mean: Any, covariance: Any, odometry: npt.ArrayLike) -> None:
-        size = 5 if known.shape(odometry) == (5,) else 3
+        size = next((size for size in (4, 5, 6) if known.shape(odometry) == (size,)), 3)
         distance, turn, dt, *sigmas = known.numbers("odometry", odometry, (size,))
+        aside = sigmas.pop() if size in (4, 6) else 0.0
         if dt < LEAST or any(sigma < 0 for sigma in sigmas):
             raise known.wrong("odometry", odometry, "dt is above 0, and no sigma is below")
         names = ("distance_sigma", "turn_sigma")
-        moved = Odometry(distance=distance, turn=turn, dt=dt, **dict(zip(names, sigmas, strict=False)))
+        moved = Odometry(distance=distance, turn=turn, dt=dt, aside=aside, **dict(zip(names, sigmas, strict=False)))
         posterior = None if mean is None else Moments(mean, covariance)
         self._tell(odometry=moved, posterior=posterior, own=True)
 

@@ -137,6 +137,8 @@ class PackedMotion(Part):
     """by how much the speed grew, unit/s"""
     quicker: Finite = 0.0
     """by how much the rate of the turn grew, radians/s"""
+    aside: Finite = 0.0
+    """to the left, in the grid's unit, as the odometry of a robot measured it that can drive sideways"""
 
 
 class PackedNuisance(Part):

@@ -553,6 +553,8 @@ class Odometry(Part):
     """of this step; none: by the robot's model. A joint's robots use it"""
     turn_sigma: NonNegative | None = None
     """of this step, radians; likewise"""
+    aside: Finite = 0.0
+    """to the left, in the grid's unit, of a robot that can drive sideways. A joint's robots use it"""
 
 
 class Fix(Part):

@@ -37,7 +37,7 @@ class Jitter:
 
     def significance(self, told: Odometry) -> float:
         """Take an odometry; returned is which share of its turn the scale may be learned from, 0 to 1."""
-        if told.dt <= 0 or not (told.distance or told.turn):
+        if told.dt <= 0 or not (told.distance or told.turn or told.aside):
             self._turns.clear()
             return 1.0
         self._turns.append((told.turn, told.dt))

@@ -48,7 +48,7 @@ class Mishaps:
         """What has to be added to the motion of a tick, in noise alone, if the robot stood meanwhile; else None."""
         self._since = self._since.plus(motion)
         since, self._widened = self._since, False
-        if self._sound is None or since.dt > LONGEST or not (since.distance or since.turn):
+        if self._sound is None or since.dt > LONGEST or not (since.way or since.turn):
             return None
         moved = _squares(joint, told(joint, {self.robot: motion}))
         if 2 * sum(squared > limit for squared, limit in moved) <= len(moved):
@@ -61,7 +61,7 @@ class Mishaps:
         if gained < SURE or any(squared > limit for squared, limit in stood):
             return None
         self.stuck, self._widened = self.stuck + since.dt, True
-        return Motion(along=since.distance**2, across=since.distance**2, heading=since.turn**2)
+        return Motion(along=since.way**2, across=since.way**2, heading=since.turn**2)
 
 
 def _squares(joint: Joint, factors: Sequence[Factor]) -> list[tuple[float, float]]:

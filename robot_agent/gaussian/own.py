@@ -152,7 +152,7 @@ class Given(FirstHand):
             if self._idle:
                 along, across, heading = (max(0.0, float(variance)) for variance in self._lost(still, given))
                 motion = replace(motion, along=along, across=across, heading=heading)
-                if told.distance or told.turn:
+                if told.distance or told.turn or told.aside:
                     self._rates = along / told.dt, across / told.dt, heading / told.dt
         self.travelled = self.travelled.plus(motion)
         for joint in (self.joint if self.known else None, self._unsent):

@@ -66,7 +66,7 @@ class Wheels:
 
         A sigma that the odometry comes with stands for all of its fresh error.
         """
-        moving = abs(told.distance) > STILL or abs(told.turn) > STILL
+        moving = max(abs(told.distance), abs(told.turn), abs(told.aside)) > STILL
         time = told.dt * (1.0 if moving else self.standing**2)
         rise, change = 0.0, 0.0
         if before is not None:
@@ -80,18 +80,23 @@ class Wheels:
         distance, turn = by_way * told.distance - self.lag * rise, by_turn * told.turn - self.lag * change
         driven *= turn
         turn += self.drift * told.dt if moving else 0.0
+        across = self.across**2 * time if told.distance_sigma is None else 0.0
+        if told.aside:  # sideways it errs as much as ahead
+            fresh = along + self.way**2 * abs(told.aside) if told.distance_sigma is None else told.distance_sigma**2
+            across += fresh * abs(told.aside) / math.hypot(told.distance, told.aside)
         return Motion(
             distance=distance,
             turn=turn,
             dt=told.dt,
             moving=told.dt if moving else 0.0,
             along=along if told.distance_sigma is None else told.distance_sigma**2,
-            across=self.across**2 * time if told.distance_sigma is None else 0.0,
+            across=across,
             heading=heading if told.turn_sigma is None else told.turn_sigma**2,
             curved=curved * distance,
             driven=driven,
             faster=rise,
             quicker=change,
+            aside=told.aside,
         )
 
 

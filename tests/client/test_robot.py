@@ -60,6 +60,39 @@ def test_poses_of_an_odometry_frame_are_moves(endpoint: str) -> None:
         assert present(pose).mean == pytest.approx((2.0, 4.0, math.pi / 2), abs=0.05)
 
 
+def test_a_robot_that_drives_sideways_says_so_in_each_way_there_is(endpoint: str) -> None:
+    """Before, poses of an odometry frame lost what was not ahead, without a word."""
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        robot.fix((2.0, 3.0), 0.05, math.pi / 2, 0.02)
+        robot.step()
+        robot.moved_to((100.0, 50.0, 0.0), 0.1)
+        robot.moved_to((100.0, 49.5, 0.0), 0.1)  # to its right
+        robot.odometry(0.0, 0.0, 0.1, aside=-0.5)
+        assert present(robot.step()).mean == pytest.approx((3.0, 3.0, math.pi / 2), abs=0.05)
+
+
+def test_on_grids_it_is_said_that_the_way_to_the_side_is_left_out(
+    endpoint: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with serving(endpoint, GRID), Robot("r1", endpoint=endpoint) as robot:
+        robot.odometry(0.1, 0.0, 0.1, aside=0.05)
+        assert "to the side" not in caplog.text
+        robot.odometry(0.0, 0.0, 0.1, aside=0.1)
+        robot.odometry(0.0, 0.0, 0.1, aside=0.1)
+        robot.step()
+    assert caplog.text.count("what it drives to the side is left out") == 1
+
+
+def test_a_filter_of_a_robot_that_drives_sideways_says_how_far_it_went(endpoint: str) -> None:
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        for number in range(12):
+            spread = np.diag([0.04 + 0.001 * number, 0.04 + 0.001 * number, 0.01])
+            robot.belief((2.0, 2.0 + 0.3 * number, 0.0), spread, (0.0, 0.0, 0.1, 0.3 if number else 0.0))
+            pose = present(robot.step())
+            assert pose.mean == pytest.approx((2.0, 2.0 + 0.3 * number, 0.0), abs=0.05)
+        assert math.sqrt(pose.covariance[1, 1]) < 0.4, "the way is no jump of its filter"
+
+
 def test_ranges_alone_to_known_places_tell_where_it_is(endpoint: str) -> None:
     with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
         robot.fix((5.0, 4.0), 0.5, 0.0, 0.02)

@@ -196,7 +196,7 @@ def _strayed(sighting: Relative, motion: Motion | None) -> float:
         return 0.0
     age = sighting.age + sighting.ahead
     outside = max(0.0, -age, age - max(motion.dt, sighting.age)) / motion.dt
-    return outside * (motion.along + motion.across) + (outside * UNSTEADY * motion.distance) ** 2
+    return outside * (motion.along + motion.across) + (outside * UNSTEADY * motion.way) ** 2
 
 
 def _factors(joint: Joint, its: Sequence[Relative], ends: _Ends, seen: Form) -> list[Factor]:

@@ -220,13 +220,13 @@ class TeamJoint(TeamState):
         even = known.lately.times(lately)
         turning = replace(even, turn=last * known.motion.turn, driven=last * known.motion.driven)
         # an error of the speed lasts for all of the way that is told by it
-        along = lately * even.along + (UNSTEADY * even.distance) ** 2
+        along = lately * even.along + (UNSTEADY * even.way) ** 2
         alone = Joint()
         alone.add(robot, self.joint.moments(robot))
         drive(
             alone,
             robot,
-            replace(turning, along=along, across=even.across + (UNSTEADY * even.distance) ** 2),
+            replace(turning, along=along, across=even.across + (UNSTEADY * even.way) ** 2),
             Nuisance(),
         )
         after = alone.moments(robot)

@@ -72,6 +72,12 @@ class Motion:
     driven: float = 0.0  # radians: of the turn, what was not on the spot
     faster: float = 0.0  # unit / s: by how much the speed grew
     quicker: float = 0.0  # radians / s: by how much the rate of the turn grew
+    aside: float = 0.0  # unit: to the left, as the odometry has it
+
+    @property
+    def way(self) -> float:
+        """Unit: how far it went, in whichever direction."""
+        return math.hypot(self.distance, self.aside)
 
     def numbers(self) -> tuple[float, ...]:
         """All of them, in this order."""
@@ -83,8 +89,8 @@ class Motion:
 
     def times(self, share: float) -> Motion:
         """So much of it, at an even speed."""
-        *sums, _, _ = self.numbers()
-        return Motion(*(share * it for it in sums))
+        it = Motion(*(share * number for number in self.numbers()))
+        return replace(it, faster=0.0, quicker=0.0)
 
     def since(self, earlier: Motion) -> Motion:
         """What was added to a sum of motions since it was `earlier`."""
@@ -92,7 +98,7 @@ class Motion:
 
     def unheard(self, seconds: float) -> Motion:
         """The same with more noise, where evidence of so many seconds was lost: the robot may have driven curves in that time."""
-        off = (UNSTEADY * self.distance * min(1.0, max(0.0, seconds) / LATELY)) ** 2
+        off = (UNSTEADY * self.way * min(1.0, max(0.0, seconds) / LATELY)) ** 2
         return replace(self, along=self.along + off, across=self.across + off) if off else self
 
 
@@ -116,16 +122,20 @@ def kinds(way: float | Array, turn: float | Array, track: float) -> tuple[Array,
     return np.minimum(1.0, share / CURVED), np.minimum(1.0, (1 - share) / (1 - SPINNING))
 
 
-def meant(state: Array, motion: Motion) -> tuple[float, float, Array]:
-    """How far a robot (its state, shape (12,)) has come and turned by its odometry; and the derivatives of both, shape (2, 12)."""
-    by = np.zeros((2, STATES))
-    of_way, of_turn = by
+def meant(state: Array, motion: Motion) -> tuple[float, float, float, Array]:
+    """How far a robot (its state, shape (12,)) has come and turned by its odometry, and come to its left; their derivatives (3, 12).
+
+    The scale of a way to the side is that of the way ahead.
+    """
+    by = np.zeros((3, STATES))
+    of_way, of_turn, of_side = by
+    of_side[FORWARD] = of_side[SLIP] = motion.aside
     of_way[FORWARD] = of_way[SLIP] = motion.distance
     of_way[CURVED_WAY], of_way[LAG] = motion.curved, -motion.faster
     of_turn[TURN], of_turn[DRIFT] = motion.turn, motion.moving
     of_turn[CURVED_TURN], of_turn[LAG] = motion.driven, -motion.quicker
-    way, turn = (by @ state).tolist()
-    return way, turn, by
+    way, turn, aside = (by @ state).tolist()
+    return way, turn, aside, by
 
 
 def drive(joint: Joint, robot: Block, motion: Motion, nuisance: Nuisance, *, bent: bool = True) -> None:
@@ -142,15 +152,18 @@ def drive_alike(moves: Sequence[tuple[Joint, Motion]], robot: Block, nuisance: N
     state = joint.mean[joint.blocks[robot]]
     keep = np.ones(STATES)
     keep[BEARING:CURVED_WAY] = [math.exp(-motion.dt / seconds) for seconds in nuisance.memory]
-    distance, turn, by = meant(state, motion)
+    distance, turn, aside, by = meant(state, motion)
     c, s = math.cos(state[HEADING] + turn / 2), math.sin(state[HEADING] + turn / 2)
+    went = np.array([distance * c - aside * s, distance * s + aside * c])
     mean = state * keep
-    mean[POSE] = state[X] + distance * c, state[Y] + distance * s, wrap(state[HEADING] + turn)
+    mean[POSE] = state[X] + went[0], state[Y] + went[1], wrap(state[HEADING] + turn)
     transition = np.diag(keep)
-    by_heading = np.array([-distance * s, distance * c])
+    by_heading = np.array([-went[1], went[0]])
     transition[AXES, HEADING] = by_heading
     along = np.array([c, s])
     transition[AXES] += along[:, np.newaxis] * by[0] + (by_heading / 2)[:, np.newaxis] * by[1]
+    if aside:
+        transition[AXES] += np.array([-s, c])[:, np.newaxis] * by[2]
     transition[HEADING] += by[1]
     noise = np.zeros(STATES)
     noise[WANDERING] = np.square(nuisance.walks) * motion.moving
@@ -162,7 +175,9 @@ def drive_alike(moves: Sequence[tuple[Joint, Motion]], robot: Block, nuisance: N
         added[HEADING, HEADING] = motion.heading
         added[AXES, AXES] = (frame * [motion.along, motion.across]) @ frame.T
         if bent:
-            added[AXES, AXES] += along[:, np.newaxis] * along * _bent(joint, robot, distance, along)
+            path = math.hypot(distance, aside)
+            ahead, far = (along, distance) if not aside else (went / path, path)
+            added[AXES, AXES] += ahead[:, np.newaxis] * ahead * _bent(joint, robot, far, ahead)
         joint.move(robot, mean, transition, added)
 
 
@@ -191,9 +206,10 @@ def moved_in(state: Array, motion: Motion | None, age: float) -> tuple[Array, fl
     if motion is None or not age or motion.dt <= 0:
         return np.zeros(2), 0.0
     share = age / motion.dt
-    way, turn = (share * part for part in meant(state, motion)[:2])
+    way, turn, aside = (share * part for part in meant(state, motion)[:3])
     middle = float(state[HEADING]) - turn / 2
-    return np.array([way * math.cos(middle), way * math.sin(middle)]), turn
+    c, s = math.cos(middle), math.sin(middle)
+    return np.array([way * c - aside * s, way * s + aside * c]), turn
 
 
 def speed(state: Moments, motion: Motion) -> Moments | None:
@@ -203,14 +219,14 @@ def speed(state: Moments, motion: Motion) -> Moments | None:
     """
     if motion.dt <= 0 or state.covariance[HEADING, HEADING] > ANYWHERE:
         return None
-    way, turn, by = meant(state.mean, motion)
+    way, turn, sideways, by = meant(state.mean, motion)
     along = np.array([math.cos(state.mean[HEADING]), math.sin(state.mean[HEADING])])
     aside = np.array([-along[1], along[0]])
-    rows = np.vstack([np.outer(along, by[0]), by[1]])
-    rows[AXES, HEADING] += way * aside
+    rows = np.vstack([np.outer(along, by[0]) + np.outer(aside, by[2]), by[1]])
+    rows[AXES, HEADING] += way * aside - sideways * along
     noise = np.diag([0.0, 0.0, motion.heading])
     noise[AXES, AXES] = motion.along * np.outer(along, along) + motion.across * np.outer(aside, aside)
-    mean = np.array([*(way * along), turn])
+    mean = np.array([*(way * along + sideways * aside), turn])
     return Moments(mean / motion.dt, (rows @ state.covariance @ rows.T + noise) / motion.dt**2)
 
 
