@@ -6,8 +6,10 @@ last step, and a step makes one tick of them.
 
 import logging
 import math
+import statistics
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -45,6 +47,8 @@ UNKNOWN_WHEELS = Wheels(
 )
 
 
+PIECES = 50  # of odometry, before it is judged which time they cover
+LACKING, UNIT = 0.7, 20.0  # times the time that passed: less leaves motion out, more is of another unit
 SUMMED = ("distance", "turn", "dt", "aside")  # of Odometry
 
 
@@ -106,6 +110,33 @@ class Pose:
     time: float
 
 
+@dataclass
+class Covered:
+    """Mutable: which share of the time a robot's odometry is of while it moves, and what to say where that cannot be."""
+
+    _shares: deque[float] = field(default_factory=lambda: deque(maxlen=PIECES))
+    _moved_at: float | None = None  # team time (s) of the newest odometry, if the robot moved in it
+
+    def hear(self, odometry: Odometry | None, time: float) -> str | None:
+        """Take the odometry of a step that ends at a team time (s); None: it covers about the time since the one before.
+
+        A step without any may be one in which the robot stood, so times are compared between two in which it moved.
+        """
+        if odometry is None:
+            return None
+        moves = bool(odometry.distance or odometry.turn or odometry.aside)
+        if moves and self._moved_at is not None and time > self._moved_at:
+            self._shares.append(odometry.dt / (time - self._moved_at))
+        self._moved_at = time if moves else None
+        share = statistics.median(self._shares) if len(self._shares) == PIECES else 1.0
+        if LACKING <= share <= UNIT:
+            return None
+        what = f"the dt of its odometry is {share:.2g} times the time between its steps"
+        if share > UNIT:
+            return f"{what}: give seconds, and team time to step(time=) where it does not run in real time"
+        return f"{what}: what it drives in the rest is not told, and it is taken to stand; give all of its odometry"
+
+
 class Driven(AgentService):
     """An `AgentService` whose owner calls `step`."""
 
@@ -114,6 +145,7 @@ class Driven(AgentService):
         self._news, self._sensors = news, sensors
         self._pending = SinceStep()  # what no tick has taken yet
         self._warned = False  # that beliefs come from the team
+        self._covered: Covered | None = Covered()  # None once it was said what is wrong
         super().__init__(sensors=sensors, hears_readings=False, **arguments)
 
     def _hear(self, heard: Cue | Message, now: float) -> list[Envelope]:
@@ -142,6 +174,9 @@ class Driven(AgentService):
             self._begin(run)
         if self._pending.posterior is not None:
             self._own().give(self._pending.posterior)
+        if self._covered is not None and (text := self._covered.hear(self._pending.odometry, stamp)) is not None:
+            self._covered = None
+            log.warning("%s: %s", self.robot, text)
         self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
         self._pending = SinceStep()
         out = self._turn(now)

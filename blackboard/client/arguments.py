@@ -29,7 +29,9 @@ class Call:
 
     def number(self, name: str, value: Any, least: float = -LARGEST) -> float:
         number = self._float(value)
-        if not (math.isfinite(number) and least <= number <= LARGEST):
+        if math.isfinite(number) and abs(number) > LARGEST:
+            raise self.wrong(name, value, f"is larger than {LARGEST:g}, which no message holds: has it another unit?")
+        if not (math.isfinite(number) and least <= number):
             bound = "" if least < 0 else f" of at least {least:g}"
             raise self.wrong(name, value, f"give a finite number{bound}")
         return number

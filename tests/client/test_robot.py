@@ -129,7 +129,9 @@ def test_a_sighting_near_a_wall_and_far_behind_it_is_no_exception(endpoint: str)
 
 WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.odometry(NAN, 0, 0.1), r"odometry\(distance=nan\): give a finite number"),
+    (lambda r: r.odometry(0, -1e300, 0.1), r"odometry\(turn=-1e\+300\): is larger than 1e\+12, .* another unit"),
     (lambda r: r.odometry(0, "left", 0.1), r"odometry\(turn='left'\): give a finite number"),  # type: ignore[arg-type]
+    (lambda r: r.odometry(0, 0, 0.1, aside=NAN), r"odometry\(aside=nan\): give a finite number"),
     (lambda r: r.odometry(0, 0, 0), r"odometry\(dt=0\): give a finite number of at least 1e-06"),
     (lambda r: r.odometry(0, 0, 1, -1), r"odometry\(distance_sigma=-1\): give"),
     (lambda r: r.moved_to((0, 0), 1), r"moved_to\(pose=\(0, 0\)\): give 3 finite numbers"),

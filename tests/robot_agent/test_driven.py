@@ -1,5 +1,6 @@
 """A robot whose program gives its readings by calls: what a step makes of them, alone, with a board, and in a world's ticks."""
 
+import logging.handlers
 import math
 
 import pytest
@@ -10,7 +11,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
-from robot_agent.driven import Driven, SinceStep, driven, sensors_in
+from robot_agent.driven import PIECES, Driven, SinceStep, driven, sensors_in
 from tests.present import present
 from tests.robot_agent.services import NOW, clock, kinds
 from tests.wire.envelopes import opened, world
@@ -168,3 +169,41 @@ def test_its_program_is_told_what_it_hears() -> None:
     robot.receive(world(), NOW)
     robot.receive(clock(0), NOW)
     assert Cue.BEGIN in heard
+
+
+def said_of(steps: list[SinceStep], every: float = 0.1) -> str:
+    """What a robot logs that takes such steps again and again, each so many seconds after the one before."""
+    robot, handler = new_robot(), logging.handlers.BufferingHandler(1000)
+    robot.step(START, NOW)
+    logger = logging.getLogger("robot_agent.driven")
+    logger.addHandler(handler)
+    for number in range(1, len(steps) * (PIECES + 2)):
+        robot.step(steps[number % len(steps)], NOW + every * number)
+    logger.removeHandler(handler)
+    return "\n".join(record.getMessage() for record in handler.buffer)
+
+
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [
+        (
+            [AHEAD, SinceStep(), SinceStep()],
+            "0.33 times the time between its steps: what it drives in the rest is not told",
+        ),
+        (
+            [SinceStep(Odometry(distance=0.1, turn=0.0, dt=100.0))],
+            "1e+03 times the time between its steps: give seconds",
+        ),
+    ],
+)
+def test_a_robot_whose_odometry_is_not_of_all_of_its_way_is_told_so_once(steps: list[SinceStep], words: str) -> None:
+    """Before, it was 5 m off with a region of 1 m, without a word."""
+    assert said_of(steps).count(words) == 1
+
+
+def test_a_robot_that_stands_between_ways_or_falls_behind_a_little_is_told_nothing() -> None:
+    stood = SinceStep(Odometry(distance=0.0, turn=0.0, dt=0.1))
+    assert not said_of([AHEAD])
+    assert not said_of([AHEAD], every=0.12)
+    assert not said_of([AHEAD] * 5 + [SinceStep()] * 5)
+    assert not said_of([stood, SinceStep(), SinceStep()])
