@@ -19,12 +19,10 @@ from tests.processes import program, wait_until
 GRID = '{"shape": [50, 50], "cell": 1.0, "origin": [0.0, 0.0]}'
 
 
-def test_a_client_a_wire_robot_and_robot_agent_share_one_board() -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+def test_a_client_a_wire_robot_and_robot_agent_share_one_board(endpoint: str) -> None:
     member = ("--team", "t", "--sub-team", "a", "-e", endpoint)
     examples = ROOT / "examples"
     with ExitStack() as running:
-        running.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
         board = running.enter_context(program("-m", "blackboard", "serve", *member))
         board.says("ready")
         running.enter_context(program("-m", "robot_agent", "--id", "agent", *member))
@@ -47,11 +45,9 @@ def test_a_client_a_wire_robot_and_robot_agent_share_one_board() -> None:
 
 
 @pytest.mark.parametrize("example", ["client", "own_filter"])
-def test_the_robots_of_the_field_find_themselves(example: str) -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+def test_the_robots_of_the_field_find_themselves(example: str, endpoint: str) -> None:
     scenario = str(ROOT / "examples" / "field" / "field.toml")
     with ExitStack() as running:
-        running.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
         board = program("-m", "blackboard", "serve", "--scenario", scenario, "--sub-team", "a", "-e", endpoint)
         running.enter_context(board).says("ready")
         client = running.enter_context(program("-m", f"examples.field.{example}", "-e", endpoint, "--seconds", "10"))
@@ -61,15 +57,13 @@ def test_the_robots_of_the_field_find_themselves(example: str) -> None:
     assert max(off) < 0.5
 
 
-def test_a_robot_by_the_client_one_with_a_filter_and_one_of_ros_are_a_team() -> None:
+def test_a_robot_by_the_client_one_with_a_filter_and_one_of_ros_are_a_team(endpoint: str) -> None:
     pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
     member = ("--scenario", str(ROOT / "examples" / "field" / "field.toml"), "-e", endpoint)
     topics = ["--odometry", "r3=/r3/odom", "--fix", "r3=/r3/fix"]
     for subject in ("robot/r1", "robot/r2", "object/ball"):
         topics += ["--sees", f"r3:{subject}=/r3/sees/{subject}"]
     with ExitStack() as running:
-        running.enter_context(program("-m", "blackboard", "router", "-l", endpoint)).says("ready")
         served = ("serve", "--sub-team", "a"), ("ros", *topics)
         services = [running.enter_context(program("-m", "blackboard", *words, *member)) for words in served]
         services.append(running.enter_context(program("-m", "robot_agent", "--id", "r3", *member)))

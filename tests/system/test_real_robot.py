@@ -6,7 +6,6 @@ import pytest
 
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
-from blackboard.run.launch import free_port
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.messages import Consensus
@@ -14,13 +13,11 @@ from tests.files import ROOT
 from tests.processes import program, wait_until
 
 
-def test_readings_reach_the_team_with_no_world_running() -> None:
+def test_readings_reach_the_team_with_no_world_running(endpoint: str) -> None:
     example = ROOT / "examples" / "feed_robot.py"
     assert len(example.read_text(encoding="utf-8").splitlines()) <= 25
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
     member = ("--team", "t", "--sub-team", "a", "-e", endpoint)
     with ExitStack() as running:
-        running.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
         running.enter_context(program("-m", "blackboard", "serve", *member))
         agent = running.enter_context(program("-m", "robot_agent", "--id", "r1", *member))
         agent.says("ready")
