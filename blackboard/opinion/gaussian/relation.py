@@ -61,6 +61,7 @@ class Relative:
     heading: float = 0.0  # rad: of a pose, the subject's heading in the observer's frame
     confidence: float = 1.0  # the detector's, that something is there
     mark: int | None = None  # of an unnamed one: its number among those of the tick
+    noisier: float = 1.0  # times the fresh variances that its observer claims (`as_noisy`)
 
     @property
     def places(self) -> bool:
@@ -99,6 +100,19 @@ class Relative:
         variance = float(np.interp(self.range, *np.array(self.profile).T))
         across = variance / max(self.range, NEAREST) ** 2
         return replace(self, range_variance=variance, bearing_variance=across, profile=())
+
+    def as_noisy(self, by: float) -> "Relative":
+        """The sighting with so many times the fresh variances that its observer claims; one with a profile stays as it is."""
+        more = by / self.noisier
+        if more == 1.0 or self.profile:
+            return self
+        return replace(
+            self,
+            range_variance=more * self.range_variance,
+            bearing_variance=more * self.bearing_variance,
+            spread=tuple(more * value for value in self.spread),
+            noisier=by,
+        )
 
     def blocks(self) -> dict[BiasBlock, float]:
         """The blocks of the lasting errors, standard normal states, and how far each moves the range (unit)."""

@@ -37,7 +37,8 @@ def see(
     Sightings of mates are taken together, but for those that move one end alone; then the others are, one by one. `doubts` are
     sightings of which it is not clear whose they are: they are held against the joint, too. `apart` are objects to be set aside.
     """
-    seen = [sighting for evidence in news if evidence.robot in heard for sighting in _own(evidence)]
+    seen = [team.as_found(sighting) for evidence in news if evidence.robot in heard for sighting in _own(evidence)]
+    doubts = [team.as_found(sighting) for sighting in doubts]
     known = {name for sighting in (*seen, *doubts) for name in (sighting.observer, sighting.subject)} & {
         *heard,
         *team.seen,
@@ -95,12 +96,11 @@ def _compare_with_joint(
     heard: set[str],
 ) -> None:
     """Hold all that a robot sees in a tick against where the joint has it, before any of it moves that."""
-    noise = team.innovations.variance((robot, "relative"))
     moving = {robot for robot, motion in motions.items() if motion.moving}
     for sighting, factor in seen:
         if moving & {robot, sighting.subject}:  # where both stand, an exact sensor says the same again and again
-            team.freshness.hear(sighting, factor)
-    mates = [(sighting.subject, factor.widened(noise)) for sighting, factor in seen if sighting.subject in heard]
+            team.freshness.hear(sighting, factor.widened(1.0 / sighting.noisier))
+    mates = [(sighting.subject, factor) for sighting, factor in seen if sighting.subject in heard]
     team.offsets.hear(robot, team.joint, mates)
 
 
@@ -174,7 +174,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
 def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Innovation) -> Factor | None:
     """What is taken of a sighting, with the noise that its observer's have shown to have; None: nothing."""
     observer, subject = relative.observer, relative.subject
-    factor, squared = team.weighed((observer, "relative"), factor, innovation)
+    factor, squared = team.weighed((observer, "relative"), factor, innovation, relative.noisier)
     by = team.outvoted(subject, observer) or team.outvoted(observer, subject)
     agrees = squared <= quantile(GATE, innovation.freedom) and not by and not team.contradict(observer, subject)
     if not subject.startswith(

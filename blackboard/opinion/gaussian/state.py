@@ -245,8 +245,25 @@ class TeamState:
         self.influence.take(after)
         return only
 
-    def weighed(self, source: Source, factor: Factor, innovation: Innovation) -> tuple[Factor, float]:
-        """A factor with the noise that its source's evidence has shown to have, and the squared distance of what it says then."""
+    def as_found(self, relative: Relative) -> Relative:
+        """A sighting with the noise that its observer's have shown to have.
+
+        A factor that is widened after it was linearised is not the same: a range that seems exact is linearised where it was measured,
+        and a range that is too short would weigh more than one that is too long. A profile is averaged over distances instead.
+        """
+        return relative.as_noisy(self.innovations.variance((relative.observer, "relative")))
+
+    def weighed(
+        self, source: Source, factor: Factor, innovation: Innovation, noisier: float = 1.0
+    ) -> tuple[Factor, float]:
+        """A factor with the noise that its source's evidence has shown to have, and the squared distance of what it says then.
+
+        Its noise is `noisier` times what the source claims.
+        """
+        if noisier != 1.0:
+            claimed = factor.widened(1.0 / noisier)
+            innovation = Innovation(innovation.residual, innovation.covariance + (claimed.noise - factor.noise))
+            factor = claimed
         squared = innovation.squared
         if not any(block in self.tracks for block in factor.jacobians):  # what is wrong may be whose the sighting is
             share = float(np.trace(np.linalg.solve(innovation.covariance, factor.noise))) / innovation.freedom
