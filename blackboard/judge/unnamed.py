@@ -22,9 +22,8 @@ class UnnamedJudge:
         """`kinds` are those that sightings do not name; a track farther than `cut` (unit) from a thing is not of it."""
         self._grid = grid
         self._tracks = {kind: TrackJudge(cut) for kind in kinds}
-        self._seen = self._taken = self._wrong = (
-            0  # sightings without a name; taken for a known subject; and for a wrong one
-        )
+        #: Sightings without a name; taken for a known subject; and for a wrong one.
+        self._seen = self._taken = self._wrong = 0
         self._odds = Forecasts()
 
     def is_unnamed(self, subject: str) -> bool:

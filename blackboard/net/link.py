@@ -33,9 +33,8 @@ log = logging.getLogger(__name__)
 
 ENCODING = "application/msgpack;cop.v1"
 MAX_KEYS = 4096  # keys of which the newest is kept; the one that was not sent for longest is given up
-MAX_SUBSCRIBERS = (
-    512  # while strangers flood, each with a thread of its own; where it would take more, all are listened to
-)
+#: While strangers flood, each with a thread of its own; where it would take more, all are listened to.
+MAX_SUBSCRIBERS = 512
 LET_GO = 0.1  # seconds
 PAUSE, LOG_AFTER = 0.1, 5.0  # seconds between tries to connect, and until the log says that it is waiting
 

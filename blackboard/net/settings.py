@@ -54,9 +54,8 @@ class LinkConfig:
     multicast: bool | None = None
     cfg: Sequence[str] = ()
     keys: str | None = None
-    who: str = (
-        "viewer"  # "robot/r1", "board/board-a", or a kind of which a team has one; commands that look on are viewers
-    )
+    #: "robot/r1", "board/board-a", or a kind of which a team has one; commands that look on are viewers.
+    who: str = "viewer"
 
     def identity(self) -> Identity | None:
         """The certificate of this process, or None without keys. UserError: the directory has none that can be used."""

@@ -90,9 +90,8 @@ class FirstHand:
     _last: Readings | None = None
     #: The robot's block as predicted for this tick from what was sent: without this tick's evidence and any that was not sent.
     _before: Moments | None = None
-    _unsent: Joint | None = (
-        None  # `_before` as a joint, which the next motion moves on; None if the newest evidence was sent
-    )
+    #: `_before` as a joint, which the next motion moves on; None if the newest evidence was sent.
+    _unsent: Joint | None = None
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
     #: Sightings and those beyond the gate, of the last ticks.

@@ -32,9 +32,8 @@ class Ideal:
     drifts: Mapping[str, float]  # object -> its random walk, unit / sqrt(s)
     drift: float = 0.0  # of the other objects
     gate: float = math.inf  # squared Mahalanobis distance beyond which a sighting is not taken
-    turns_first: bool = (
-        True  # the simulated world turns, then goes straight; else a robot goes along the chord of its turn
-    )
+    #: The simulated world turns, then goes straight; else a robot goes along the chord of its turn.
+    turns_first: bool = True
     own: Mapping[str, Sensors] = field(default_factory=dict)  # robot -> its sensors, as `robot/r1`
     joint: Joint = field(default_factory=Joint)
     _before: dict[str, Odometry] = field(default_factory=dict)  # robot -> the odometry of the tick before

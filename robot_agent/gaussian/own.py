@@ -79,9 +79,8 @@ class Given(FirstHand):
 
     posterior: Moments | None = None  # (x, y, heading), shape (3,) and (3, 3)
     independence: Independence = field(default_factory=Independence)
-    _rates: tuple[float, float, float] | None = (
-        None  # of the noise: along and across the way, of the heading, per second
-    )
+    #: Of the noise: along and across the way, of the heading, per second.
+    _rates: tuple[float, float, float] | None = None
     gain: Increment | None = None  # of the newest posterior, whether it is sent or not
     _idle: bool = False  # whether the newest posterior took nothing in
 

@@ -16,16 +16,8 @@ from blackboard.wire.messages import Learned
 
 MOST = 1e7  # of places and their variances: ten times what stands for a place of which nothing is known
 MOST_ERROR = 1e3  # of angles (rad), of scales, and of their errors and walks
-WAYS = (
-    "distance",
-    "along",
-    "across",
-    "curved",
-    "driven",
-    "faster",
-    "quicker",
-    "aside",
-)  # that no robot has more than `MOST` of
+#: Motions that no robot has more than `MOST` of.
+WAYS = ("distance", "along", "across", "curved", "driven", "faster", "quicker", "aside")
 #: Seconds since an epoch began, up to which a sum of times that stays the same means that no time passed. Later it may be rounding,
 #: because a robot on a poor link rounds what it sends.
 TICK = 10.0

@@ -37,9 +37,8 @@ class Absent:
     fastest: float
     observers: frozenset[str]  # who has seen it
     unseen: float = 0.0
-    lost: bool = (
-        False  # its track ended because its place was no longer known, not because observers looked and saw nothing
-    )
+    #: Its track ended because its place was no longer known, not because observers looked and saw nothing.
+    lost: bool = False
 
     def passed(self, dt: float) -> "Absent":
         """`dt` seconds later."""

@@ -105,9 +105,8 @@ class TeamState:
     refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     known: dict[str, Known] = field(default_factory=dict)
     first_entry: float | None = None  # `elapsed` when the first robot entered
-    returned_at: float = (
-        -math.inf
-    )  # team time (s) of the newest knowledge of an earlier joint that a robot has returned
+    #: Team time (s) of the newest knowledge of an earlier joint that a robot has returned.
+    returned_at: float = -math.inf
     seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
     #: Observer -> the lasting errors of its sightings -> seconds since one with it was taken, the longest first.
     used: dict[str, dict[BiasBlock, float]] = field(default_factory=dict)

@@ -16,9 +16,8 @@ from tests.opinion.gaussian.claims import contradictions
 from tests.opinion.gaussian.driving import reports_of, team
 
 LIAR = "robot/r2"
-WITHIN = (
-    20  # ticks from the end of a lie: the own place is corrected in every second one, and leaves a third of its error
-)
+#: Ticks from the end of a lie: the own place is corrected in every second one, and leaves a third of its error.
+WITHIN = 20
 
 
 def lying(evidence: Evidence, offset: Array) -> Evidence:
