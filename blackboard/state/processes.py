@@ -26,7 +26,6 @@ class Process:
     messages: int = 0
     bytes: int = 0
     status: Status | None = None
-    status_at: float = 0.0
     #: of a robot: team time (s) and speed (unit/s) of its newest ticks
     speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=RECENT))
     _ticks: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))

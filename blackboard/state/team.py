@@ -215,7 +215,7 @@ class TeamFold:
         if process.status is not None and status.namesakes > process.status.namesakes:
             text = f"{process.name}: another process sends under this name, too"
             self._note("namesake", process.name, text, now)
-        process.status, process.status_at = status, now
+        process.status = status
         process.learn_speed(status)
         if status.kind == "board" and status.grid is not None:
             at = status.anchor
