@@ -149,16 +149,23 @@ struct Robot {
     grid: Grid,
     sensors: Sensors,
     world: bool, // whether its token is there
-    clock: Option<Clock>,
+    clock: Option<(Clock, Instant)>, // and when it came
     at: At,
 }
 
+/// For so long a Clock counts after the world's token is gone: the token of the next world may come after its first Readings.
+const GONE: Duration = Duration::from_secs(5);
+
 impl Robot {
+    /// The Clock that is followed.
+    fn followed(&self) -> Option<&Clock> {
+        self.clock.as_ref().filter(|(_, came)| self.world || came.elapsed() < GONE).map(|(clock, _)| clock)
+    }
+
     fn act(&mut self, event: Event) -> Result<(), Fault> {
         match event {
             Event::World(here) => {
                 self.world = here;
-                self.clock = None;
                 return self.say_status();
             }
             Event::Readings(readings) => {
@@ -172,7 +179,7 @@ impl Robot {
             }
             Event::Clock(clock) => {
                 let again = clock.run == self.at.run && self.at.reported == Some(clock.tick);
-                self.clock = Some(clock);
+                self.clock = Some((clock, Instant::now()));
                 if again {
                     return self.say_all();
                 }
@@ -186,7 +193,7 @@ impl Robot {
 
     /// Whether a tick may be reported: in lockstep once its Clock is there, else at once.
     fn due(&self, tick: u64) -> bool {
-        match &self.clock {
+        match self.followed() {
             Some(clock) => clock.mode != "lockstep" || (&clock.run, clock.tick) == (&self.at.run, tick),
             None => !self.world,
         }
@@ -223,7 +230,7 @@ impl Robot {
             let report = Report { version: 1, source: &self.me, subject, tick, time, belief, evidence };
             said.push((format!("{}/report/{}/{subject}", self.home, self.me).try_into()?, packed(&report)?));
         }
-        if self.clock.is_some() {
+        if self.followed().is_some() {
             let solo = Solo { version: 1, robot: &self.me, tick, time, beliefs: &beliefs };
             said.push((self.solo.clone().try_into()?, packed(&solo)?));
         }
