@@ -36,13 +36,14 @@ log = logging.getLogger(__name__)
 
 #: Wheels that were not described: errors of some percent of way and turn that last, as of calibrated wheeled robots (Borenstein
 #: and Feng, IEEE Trans. Robotics and Automation 12(6), 1996), and fresh ones that grow with both. Floors differ more than wheels.
+#: Fresh errors across the way are as large as along it: it may skid.
 UNKNOWN_WHEELS = Wheels(
     Nuisance(sigmas=(0.05, 0.05, 0.003, 0.0, 0.0, 0.0), walks=(0.003, 0.003, 0.0001)),
     along=0.03,
-    across=0.01,
+    across=0.03,
     heading=0.02,
     turning=0.05,
-    given=(False, False),
+    given=(False, False, False),
     starting=0.0,
 )
 

@@ -108,6 +108,11 @@ class AbsoluteSensors:
         """The share of a fix's claimed variance that counts as a lasting error."""
         return max(0.0, 1.0 - surely(self.fix))
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the newest fix was beyond the gate."""
+        return "fix" in self._beyond
+
     def forget(self) -> None:
         """The belief was given up: the next fix is not compared with the one before."""
         self._newest, self._since = None, None
@@ -146,7 +151,7 @@ class AbsoluteSensors:
                 claimed.residual, rest, claimed.noise[np.newaxis]
             )
             self._correct(joint, name, claimed.widened(max(1.0, surely(noise))), readings.time)
-        return fix is not None and "fix" not in self._beyond
+        return fix is not None and not self.doubtful
 
     def _judge(self, joint: Joint, fix: Fix) -> None:
         """Weigh the noise of fixes by the distance between two in a row, less the way between them by odometry."""

@@ -160,6 +160,8 @@ class FirstHand:
             self._start(readings)
         elif self.absolute.take(self.joint, readings, self.sensors.compass) and not seen_landmarks:
             self.mishaps.fitted(self.joint.moments(self.robot))
+        if self.absolute.doubtful:
+            self.wheels.doubt()
         if self.known:
             self._sight(seen_landmarks, motion, linear, readings.time, named)
         increment = None

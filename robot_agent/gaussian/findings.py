@@ -53,7 +53,7 @@ def findings(
     for name, (base, row) in FOUND.items():
         told[name] = base + float(row @ belief.mean)
         told[f"{name} sigma"] = math.sqrt(max(0.0, float(row @ belief.covariance @ row)))
-    noise = {"along": wheels.along, "heading": wheels.heading, "range": camera.range, "bearing": camera.bearing}
+    noise = wheels.found | {"range": camera.range, "bearing": camera.bearing}
     told |= {f"{name} noise": math.sqrt(learned.variance) for name, learned in noise.items()}
     claimed = {"fix": absolute.fix} | absolute.headings
     told |= {f"{name} noise": math.sqrt(surely(learned)) for name, learned in claimed.items()}

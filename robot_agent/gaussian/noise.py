@@ -14,8 +14,11 @@ seconds: the larger counts, by what is sure of it to one sigma.
 The camera's is judged by landmarks only. The wheels' is never taken for less than a given model, because what is alike over minutes
 looks small over a span, and what the whole team shares looks small to all of them. Wheels that nobody described guess the noise
 along the way only: a heading that is believed too well turns the whole team, and without landmarks nobody sees it.
+
+Noise across the way is found only of a robot that nobody described at all: it may be a boat, or skid. Such noise may be wild.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -138,62 +141,92 @@ def _measured(led: Moments, belief: Moments) -> _Measured:
 
 @dataclass
 class Span:
-    """Mutable: some seconds of motion, after which the wheels are judged, and the factors that such spans show."""
+    """Mutable: some seconds of motion, after which the wheels are judged, and the factors that such spans show, by kind of noise."""
 
     robot: str
     nuisance: Nuisance
     seconds: float  # of motion, at least
-    given: tuple[bool, bool] = (True, True)
-    along: NoiseFactor = field(init=False)
-    heading: NoiseFactor = field(init=False)
-    _factors: NoiseFactors = field(init=False)
+    given: tuple[bool, bool, bool] = (True, True, True)  # as `WheelNoise.given`
+    kinds: dict[str, NoiseFactor] = field(init=False)
+    _together: NoiseFactors = field(init=False)  # along and heading
+    _aside: NoiseFactors | None = None  # across
     _led: Joint | None = None  # the robot's block since the span began, by odometry alone
-    _bare: Joint | None = None  # the same without the error along the way
-    _still: Joint | None = None  # the same without the error of the heading
+    _without: dict[str, Joint] = field(default_factory=dict)  # the same without the noise of a kind
     _moving: float = 0.0  # seconds of motion in the span
     _by_team: bool = False  # whether the span began with the team's belief
+    _doubted: bool = False  # whether a fix in it was beyond the gate
 
     def __post_init__(self) -> None:
-        self.along, self.heading = (NoiseFactor(1.0 if given else LEAST, given) for given in self.given)
-        self._factors = NoiseFactors((self.along, self.heading))
+        along, heading, across = self.given
+        self.kinds = {
+            "along": NoiseFactor(1.0 if along else LEAST, along),
+            "heading": NoiseFactor(1.0 if heading else LEAST, heading),
+        }
+        self._together = NoiseFactors(tuple(self.kinds.values()))
+        if not across:
+            self.kinds["across"] = NoiseFactor(1.0)
+            self._aside = NoiseFactors((self.kinds["across"],), wild=True)
 
     def give_up(self) -> None:
         """Judge nothing of this span."""
-        self._led = self._bare = self._still = None
+        self._led = None
 
-    def judge(self, belief: Moments, noise: tuple[float, float], *, by_team: bool) -> None:
-        """Take a belief as `WheelNoise.judge`; `noise` are the factors of both variances that the span was led with."""
-        if self._led is None or self._bare is None or self._still is None or self._moving > LONGEST:
+    def doubt(self) -> None:
+        """A fix was beyond the gate, so this span says nothing of noise across the way."""
+        self._doubted = True
+
+    def judge(self, belief: Moments, noise: Mapping[str, float], *, by_team: bool) -> None:
+        """Take a belief as `WheelNoise.judge`; `noise` are the factors of the variances that the span was led with, by kind."""
+        if self._led is None or self._moving > LONGEST:
             self._begin(belief, by_team)
         elif self._moving >= self.seconds and by_team >= self._by_team:
-            led, bare, still = (joint.moments(self.robot) for joint in (self._led, self._bare, self._still))
-            way = np.zeros(len(led.mean))
-            way[AXES] = np.linalg.eigh((led.covariance - bare.covariance)[AXES, AXES])[1][:, -1]
-            head = np.zeros(len(led.mean))
-            head[HEADING] = 1.0
-            judged, made = False, []
-            for present, axis, without in zip(noise, (way, head), (bare, still), strict=True):
+            led, informed = self._led.moments(self.robot), False
+            made = {}  # kind -> covariance of the pose that noise as large as the model's makes
+            for kind, joint in self._without.items():
+                without = joint.moments(self.robot)
+                axis = np.zeros(len(led.mean))
+                if kind == "heading":
+                    axis[HEADING] = 1.0
+                else:
+                    axis[AXES] = np.linalg.eigh((led.covariance - without.covariance)[AXES, AXES])[1][:, -1]
                 by_odometry, rest, after = (
                     float(axis @ moments.covariance @ axis) for moments in (led, without, belief)
                 )
-                judged |= by_odometry > rest and 1.0 - after / by_odometry > INFORMED
-                made.append((led.covariance - without.covariance)[POSE, POSE] / present)
-            if judged:
+                informed |= by_odometry > rest and 1.0 - after / by_odometry > INFORMED
+                made[kind] = (led.covariance - without.covariance)[POSE, POSE] / noise[kind]
+            if informed:
                 seen = _measured(led, belief)
-                rest = led.covariance[POSE, POSE] - np.tensordot(noise, made, 1)
-                added = np.array([seen.rows @ unit @ seen.rows.T for unit in made])
-                self._factors.weigh(seen.error, seen.rows @ rest @ seen.rows.T + seen.noise, added)
+                self._weigh(self._together, ("along", "heading"), led, seen, made, noise)
+                if self._aside is not None and not self._doubted:
+                    self._weigh(self._aside, ("across",), led, seen, made, noise)
                 self._begin(belief, by_team)
 
-    def move(self, motion: Motion, bare: Motion, still: Motion) -> None:
-        """Lead the span on by a motion with the noise that was found; the same without noise along the way, and of the heading."""
-        if self._led is not None and self._bare is not None and self._still is not None:
-            drive_alike([(self._led, motion), (self._bare, bare), (self._still, still)], self.robot, self.nuisance)
+    def move(self, motion: Motion, without: Mapping[str, Motion]) -> None:
+        """Lead the span on by a motion with the noise that was found, and by the same without the noise of each kind."""
+        if self._led is not None:
+            others = [(joint, without[kind]) for kind, joint in self._without.items()]
+            drive_alike([(self._led, motion), *others], self.robot, self.nuisance)
             self._moving += motion.moving
 
+    def _weigh(
+        self,
+        factors: NoiseFactors,
+        kinds: Sequence[str],
+        led: Moments,
+        seen: _Measured,
+        made: Mapping[str, Array],
+        noise: Mapping[str, float],
+    ) -> None:
+        """Weigh the factors of some kinds; the noise of the others is taken for what was found."""
+        own = np.array([made[kind] for kind in kinds])
+        rest = led.covariance[POSE, POSE] - np.tensordot([noise[kind] for kind in kinds], own, 1)
+        added = np.array([seen.rows @ unit @ seen.rows.T for unit in own])
+        factors.weigh(seen.error, seen.rows @ rest @ seen.rows.T + seen.noise, added)
+
     def _begin(self, belief: Moments, by_team: bool) -> None:
-        self._led, self._bare, self._still, self._moving, self._by_team = Joint(), Joint(), Joint(), 0.0, by_team
-        for joint in (self._led, self._bare, self._still):
+        self._led, self._moving, self._by_team, self._doubted = Joint(), 0.0, by_team, False
+        self._without = {kind: Joint() for kind in self.kinds}
+        for joint in (self._led, *self._without.values()):
             joint.add(self.robot, belief)
 
 
@@ -203,30 +236,34 @@ class WheelNoise:
 
     robot: str
     nuisance: Nuisance
-    given: tuple[bool, bool] = (True, True)  # whether somebody gave the model of the way, and of the heading
+    #: Whether somebody gave the model of the noise along the way, of the heading, and across the way, which is found only if not.
+    given: tuple[bool, bool, bool] = (True, True, True)
     spans: tuple[Span, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         self.spans = tuple(Span(self.robot, self.nuisance, seconds, self.given) for seconds in SPANS)
 
     @property
-    def along(self) -> NoiseFactor:
-        """Of the way, by the spans that surely show the most."""
-        return max((span.along for span in self.spans), key=lambda factor: factor.mean - factor.sigma)
-
-    @property
-    def heading(self) -> NoiseFactor:
-        """Of the heading, by the spans that surely show the most."""
-        return max((span.heading for span in self.spans), key=lambda factor: factor.mean - factor.sigma)
+    def found(self) -> dict[str, NoiseFactor]:
+        """Of each kind, by the spans that surely show the most."""
+        return {
+            kind: max((span.kinds[kind] for span in self.spans), key=lambda factor: factor.mean - factor.sigma)
+            for kind in self.spans[0].kinds
+        }
 
     def give_up(self) -> None:
         """Judge nothing of these spans, because the belief was given up or a motion was not measured."""
         for span in self.spans:
             span.give_up()
 
+    def doubt(self) -> None:
+        """A fix was beyond the gate: it may err more than it claims, which is not to be taken for a robot that slips."""
+        for span in self.spans:
+            span.doubt()
+
     def scaled(self, motion: Motion) -> Motion:
         """A motion whose noise is that of the model, with that which was found."""
-        return replace(motion, along=motion.along * self.along.variance, heading=motion.heading * self.heading.variance)
+        return replace(motion, **{kind: getattr(motion, kind) * noise for kind, noise in self._variances().items()})
 
     def judge(self, belief: Moments, *, by_team: bool) -> None:
         """Take a belief of the whole block, shape (12,) and (12, 12): of the robot alone, or of its team.
@@ -234,15 +271,18 @@ class WheelNoise:
         A span that is long enough, and at whose end enough was seen, is weighed. One that began with the team's belief is judged
         by the team's only, because a robot alone knows less.
         """
-        noise = self.along.variance, self.heading.variance
+        noise = self._variances()
         for span in self.spans:
             span.judge(belief, noise, by_team=by_team)
 
     def move(self, motion: Motion) -> None:
         """Lead the spans on by a motion with the noise that was found."""
-        bare, still = replace(motion, along=0.0), replace(motion, heading=0.0)
+        without = {kind: replace(motion, **{kind: 0.0}) for kind in self.spans[0].kinds}
         for span in self.spans:
-            span.move(motion, bare, still)
+            span.move(motion, without)
+
+    def _variances(self) -> dict[str, float]:
+        return {kind: factor.variance for kind, factor in self.found.items()}
 
 
 @dataclass

@@ -52,8 +52,9 @@ class Wheels:
     turning: float = 0.1  # rad / sqrt(rad): of what is turned
     starting: float = 0.1  # rad per rad/s by which the turn rate changed since the tick before
     way: float = 0.0  # unit / sqrt(unit): of what is driven
-    #: Whether somebody gave the noise along the way, and of the heading; else it is a guess, and may be half as large.
-    given: tuple[bool, bool] = (False, True)
+    #: Whether somebody gave the noise along the way, of the heading, and across the way; else it is a guess: the first two may be
+    #: half as large, and the last may be a thousand times as large.
+    given: tuple[bool, bool, bool] = (False, True, True)
     standing: float = 0.05  # the share of the sigmas that is left while the robot stands
     track: float = 0.26  # unit: from wheel to wheel; by it a curve differs from a turn on the spot
     curved: float = 1.0  # the scale of a way on a curve, over that straight ahead
@@ -239,7 +240,7 @@ def wheels_of(odometry: OdometrySection, scale: float = 0.0) -> Wheels:
         across=odometry.across,
         heading=odometry.turn,
         turning=odometry.turning,
-        given=(True, True),
+        given=(True, True, True),
         starting=0.0,
         standing=odometry.standing,
         curved=1.0 if odometry.curve_distance_scale is None else odometry.curve_distance_scale / way,
@@ -257,7 +258,7 @@ def simulated(along: float, turn: float, compass: float, profile: tuple[tuple[fl
         across=0.0,
         heading=0.0,
         turning=turn,
-        given=(True, True),
+        given=(True, True, True),
         starting=0.0,
         way=along,
         standing=0.0,
