@@ -15,6 +15,7 @@ import numpy as np
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.coalitions import KNOWN
+from blackboard.opinion.gaussian.comparing import RETURNING
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
@@ -38,8 +39,6 @@ from robot_agent.gaussian.sensors import Sensors, sensors_of
 from robot_agent.raster import with_outlier
 from robot_agent.sensing import trackable
 
-#: Seconds for which a robot returns what the joint knew of it after a board came: one that was started again has not heard it yet.
-RETURNING = 3.0
 NOTHING = np.diag([FLAT, FLAT, math.pi**2 / 3])  # the covariance of a pose (x, y, heading) that may be any
 
 

@@ -3,8 +3,8 @@
 Each kind of noise has a factor s of its sigma. Its logarithm has a mean and a sigma over a grid, by the likelihood of what was seen
 and a log-normal prior. Where somebody gave the model, s is the median: the prior holds back what may be luck. Where the model is a
 guess, s^2 is its expected value, so that doubt counts as noise. Errors that follow each other are alike and look smaller than they
-are. So few sightings are judged: one of each landmark in `ALIKE` seconds. What a stranger's fix or compass claims may be wild: there
-the prior is Student's t.
+are. So few sightings are judged: one of each landmark in `ALIKE` seconds. A fix or a compass may claim to be far better than it is,
+so there the prior is Student's t.
 
 The wheels are judged by spans of motion: where did what was seen meanwhile put the robot, compared with odometry alone? With P the
 covariance of the pose by odometry alone and P' that of the belief afterwards, a correction d along an axis of both is worth a
@@ -15,7 +15,7 @@ The camera's is judged by landmarks only. The wheels' is never taken for less th
 looks small over a span, and what the whole team shares looks small to all of them. Wheels that nobody described guess the noise
 along the way only: a heading that is believed too well turns the whole team, and without landmarks nobody sees it.
 
-Noise across the way is found only of a robot that nobody described at all: it may be a boat, or skid. Such noise may be wild.
+Noise across the way is found only of a robot that nobody described at all: it may be a boat, or skid. The prior is Student's t, too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,7 +44,7 @@ TINY = 1e-9  # a share of odometry's variances; and unit^2 or radians^2: no meas
 MEMORY = 40.0  # samples after which what was seen has faded to 1 / e
 LOGS = np.arange(-3.0, 3.01, 0.25)  # binary logarithms of s
 CLAIMED_LOGS = np.arange(-3.0, 10.01, 0.25)  # where the model is only claimed
-TAILS = 2.0  # degrees of freedom of a claim's prior, Student's t: a wild claim costs it 5 nats, not 30
+TAILS = 2.0  # degrees of freedom of a claim's prior, Student's t: a factor of 300 is 5 nats less likely than 1, not 34
 #: The correlation of the logarithms of two kinds of noise that are found together: one floor and one pair of wheels make both.
 #: None where one model was given and the other is a guess.
 TOGETHER = 0.8

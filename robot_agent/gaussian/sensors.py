@@ -52,8 +52,8 @@ class Wheels:
     turning: float = 0.1  # rad / sqrt(rad): of what is turned
     starting: float = 0.1  # rad per rad/s by which the turn rate changed since the tick before
     way: float = 0.0  # unit / sqrt(unit): of what is driven
-    #: Whether somebody gave the noise along the way, of the heading, and across the way; else it is a guess: the first two may be
-    #: half as large, and the last may be a thousand times as large.
+    #: Whether somebody gave the noise along the way, of the heading, and across the way. Else it is a guess: the first two may be
+    #: half as large, and the last a thousand times as large.
     given: tuple[bool, bool, bool] = (False, True, True)
     standing: float = 0.05  # the share of the sigmas that is left while the robot stands
     track: float = 0.26  # unit: from wheel to wheel; by it a curve differs from a turn on the spot
@@ -82,7 +82,7 @@ class Wheels:
         driven *= turn
         turn += self.drift * told.dt if moving else 0.0
         across = self.across**2 * time if told.distance_sigma is None else 0.0
-        if told.aside:  # sideways it errs as much as ahead
+        if told.aside:  # the noise of a way to the side is that of the same way ahead
             fresh = along + self.way**2 * abs(told.aside) if told.distance_sigma is None else told.distance_sigma**2
             across += fresh * abs(told.aside) / math.hypot(told.distance, told.aside)
         return Motion(

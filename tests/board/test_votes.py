@@ -41,8 +41,9 @@ def about(board: Board, subject: str) -> Belief:
 def test_a_mate_seen_from_a_place_is_known_no_better_than_that_place(
     by: str, rule: str, sigma: float, off: float
 ) -> None:
-    told = float(at(20 + off, 15, sigma).mean()[0]) - 20  # the centre of a cell, where the claim is narrow
-    lie, honest = held_to_be(by, sigma, off=off, rule=rule), held_to_be(by, BESIDE, off=told, rule=rule)
+    # A belief that is narrower than a cell has its mean at the centre of that cell: the honest one is put there.
+    mean = float(at(20 + off, 15, sigma).mean()[0]) - 20
+    lie, honest = held_to_be(by, sigma, off=off, rule=rule), held_to_be(by, BESIDE, off=mean, rule=rule)
     assert abs(lie.mean()[0] - 20) <= abs(honest.mean()[0] - 20) + 0.1
 
 

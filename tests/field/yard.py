@@ -171,7 +171,7 @@ class Filter(Central):
 
 
 def readings(step: Step, kit: Kit, told: bool, own: Filter | None) -> SinceStep:
-    """What a robot is told; where `told`, how exact its odometry is, too. All other measurements come with their sigmas."""
+    """What a robot's sensors measured in a step, all but the odometry with their sigmas; `told`: the odometry with its sigmas, too."""
     since = gathered(step, kit, told)
     if step.compass is not None and own is None:
         since = replace(since, compass=(step.compass, kit.compass))

@@ -22,7 +22,8 @@ PATIENCE = 5  # increments of a robot that are left out in a row, before its blo
 #: Times the covariance of a robot that enters again: its mates keep what they learned of it before. Half of it counts, as in a
 #: covariance intersection with equal weights (Julier and Uhlmann, ACC 1997).
 AGAIN = 2.0
-RETURNING = 3.0  # seconds after the first robot entered, in which robots return what an earlier joint knew of them
+#: Seconds for which robots return what an earlier joint knew of them: after a board came, and after the first robot entered a joint.
+RETURNING = 3.0
 
 
 def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str, Motion]) -> set[str]:

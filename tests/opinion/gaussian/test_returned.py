@@ -11,7 +11,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, entering
 
-SIGMA = 1e-3  # of headings, which nobody asks for here
+SIGMA = 1e-3  # radians: of the headings, so small that places alone matter
 
 
 def block(covariance: np.ndarray) -> Moments:
