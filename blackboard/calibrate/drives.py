@@ -55,7 +55,8 @@ class Drives:
     landmarks: tuple[str, ...]
     places: Array  # (L, 2): where the map has the landmarks
     times: Array  # (K,): of the ends of the ticks
-    told: Array  # (K, N, 2): distance and turn in the tick, by the odometry
+    #: (K, N, 4): distance and turn in the tick, by the odometry; of them what was on a curve, and driven, NaN where it does not say.
+    told: Array
     measured: Array  # (K, N): whether the odometry measured all of the tick
     sightings: SightingRows
     fixes: Absolute
@@ -98,9 +99,11 @@ class Drives:
         """The same without the sightings of some landmarks, by their numbers."""
         return replace(self, sightings=self.sightings.where(~np.isin(self.sightings.landmark, list(landmarks))))
 
-    def kinds(self, track: float) -> tuple[Array, Array]:
-        """Which share of each way is on a curve, and of each turn is driven, shape (K, N); `track` is from wheel to wheel (unit)."""
-        return kinds(self.told[:, :, 0], self.told[:, :, 1], track)
+    def by_kind(self, track: float) -> Array:
+        """What of each way was on a curve, and of each turn was driven, shape (K, N, 2); `track` is from wheel to wheel (unit)."""
+        whole, told = self.told[:, :, :2], self.told[:, :, 2:]
+        looks = np.stack(kinds(whole[:, :, 0], whole[:, :, 1], track), axis=2) * whole
+        return np.where(np.isnan(told), looks, told)
 
 
 def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool = True) -> Drives:
@@ -113,7 +116,7 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
     robots = tuple(sorted({name for some in by_tick.values() for name in some}))
     number = {f"robot/{name}": n for n, name in enumerate(robots)}
     times = np.array([max(one.time for one in by_tick[tick].values()) for tick in ticks])
-    told, measured = np.zeros((len(ticks), len(robots), 2)), np.zeros((len(ticks), len(robots)), dtype=bool)
+    told, measured = np.zeros((len(ticks), len(robots), 4)), np.zeros((len(ticks), len(robots)), dtype=bool)
     seen, fixes, headings = list[tuple[float, ...]](), list[tuple[float, ...]](), list[tuple[float, ...]]()
     places: dict[str, tuple[float, float]] = {}
     newest: dict[tuple[int, str], float] = {}
@@ -121,7 +124,9 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
         for name, one in sorted(by_tick[tick].items()):
             n, dt = number[f"robot/{name}"], float(times[k] - times[k - 1]) if k else 0.0
             if one.odometry is not None and k:
-                told[k, n] = one.odometry.distance, one.odometry.turn
+                by_kind = one.odometry.curved, one.odometry.driven
+                told[k, n, :2] = one.odometry.distance, one.odometry.turn
+                told[k, n, 2:] = [math.nan if part is None else part for part in by_kind]
                 measured[k, n] = one.odometry.dt > dt / 2
             if trusted and one.fix is not None:
                 fixes.append((k, n, *one.fix.position, one.fix.sigma))

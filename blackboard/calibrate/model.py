@@ -68,10 +68,10 @@ class Model:
     def __post_init__(self) -> None:
         """Add up the commands: way, way on a curve, turn, driven turn, time in motion, each until the end of each tick."""
         told = self.drives.told
-        curved, driven = self.drives.kinds(self.track)
         way, turn = told[:, :, 0], told[:, :, 1]
+        curved, driven = np.moveaxis(self.drives.by_kind(self.track), 2, 0)
         moving = ((np.abs(way) > EPSILON) | (np.abs(turn) > EPSILON)) * self.drives.dt[:, None]
-        rows = np.stack([way, curved * way, turn, driven * turn, moving], axis=2)
+        rows = np.stack([way, curved, turn, driven, moving], axis=2)
         object.__setattr__(self, "_sums", np.cumsum(rows, axis=0))
 
     def commands(self, lag: Array) -> tuple[Array, Array]:

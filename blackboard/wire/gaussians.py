@@ -12,7 +12,7 @@ from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured, triangle, upper_indices
-from blackboard.opinion.gaussian.vehicle import POSE, STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import POSE, STATES, TRACK, Motion, Nuisance, kinds
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import (
     FORMER,
@@ -27,6 +27,7 @@ from blackboard.wire.evidence import (
     PackedVelocity,
     Seen,
 )
+from blackboard.wire.messages import Odometry
 from blackboard.wire.types import LARGEST
 
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
@@ -172,6 +173,15 @@ def unpack_increment(packed: PackedIncrement) -> Increment:
 
 def unpack_motion(packed: PackedMotion) -> Motion:
     return Motion(*(value for _, value in packed))
+
+
+def by_kind(told: Odometry, track: float = TRACK) -> tuple[float, float]:
+    """What of a way was driven on a curve (unit), and of its turn not on the spot (radians): as told, or as the whole step looks."""
+    curved, driven = kinds(told.distance, told.turn, track)
+    return (
+        float(curved) * told.distance if told.curved is None else told.curved,
+        float(driven) * told.turn if told.driven is None else told.driven,
+    )
 
 
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:

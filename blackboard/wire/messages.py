@@ -555,6 +555,10 @@ class Odometry(Part):
     """of this step, radians; likewise"""
     aside: Finite = 0.0
     """to the left, in the grid's unit, of a robot that can drive sideways. A joint's robots use it"""
+    curved: Finite | None = None
+    """what of `distance` was driven on a curve; none: as much as the whole step looks like. A joint's robots use it"""
+    driven: Finite | None = None
+    """what of `turn` was not on the spot, radians; likewise"""
 
 
 class Fix(Part):

@@ -21,8 +21,9 @@ import numpy as np
 
 from blackboard.opinion.classes import LANDMARK, is_class
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
-from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, kinds
+from blackboard.opinion.gaussian.vehicle import TRACK, Motion, Nuisance
 from blackboard.wire.evidence import Seen
+from blackboard.wire.gaussians import by_kind
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from robot_agent.config import OdometrySection, RobotSection
 from robot_agent.sensing import SEEN_FROM, SEEN_TO, position_sigma
@@ -56,7 +57,7 @@ class Wheels:
     #: half as large, and the last a thousand times as large.
     given: tuple[bool, bool, bool] = (False, True, True)
     standing: float = 0.05  # the share of the sigmas that is left while the robot stands
-    track: float = 0.26  # unit: from wheel to wheel; by it a curve differs from a turn on the spot
+    track: float = TRACK  # unit: from wheel to wheel; by it a curve differs from a turn on the spot
     curved: float = 1.0  # the scale of a way on a curve, over that straight ahead
     driven: float = 1.0  # the scale of a turn while it drives, over that on the spot
     lag: float = 0.0  # seconds by which it moves later than told
@@ -73,13 +74,14 @@ class Wheels:
         if before is not None:
             rise = told.distance / told.dt - before.distance / before.dt
             change = told.turn / told.dt - before.turn / before.dt
-        curved, driven = (float(value) for value in kinds(told.distance, told.turn, self.track))
+        curved, driven = by_kind(told, self.track)
         along = self.along**2 * time + self.way**2 * abs(told.distance)
         heading = self.heading**2 * time + self.turning**2 * abs(told.turn) + (self.starting * change) ** 2
-        by_way, by_turn = 1 + (self.curved - 1) * curved, 1 + (self.driven - 1) * driven
-        rise, change = by_way * rise, by_turn * change
-        distance, turn = by_way * told.distance - self.lag * rise, by_turn * told.turn - self.lag * change
-        driven *= turn
+        distance, turn = told.distance + (self.curved - 1) * curved, told.turn + (self.driven - 1) * driven
+        rise *= 1 + (self.curved - 1) * _share(curved, told.distance)
+        change *= 1 + (self.driven - 1) * _share(driven, told.turn)
+        distance -= self.lag * rise
+        turn -= self.lag * change
         turn += self.drift * told.dt if moving else 0.0
         across = self.across**2 * time if told.distance_sigma is None else 0.0
         if told.aside:  # the noise of a way to the side is that of the same way ahead
@@ -93,8 +95,8 @@ class Wheels:
             along=along if told.distance_sigma is None else told.distance_sigma**2,
             across=across,
             heading=heading if told.turn_sigma is None else told.turn_sigma**2,
-            curved=curved * distance,
-            driven=driven,
+            curved=self.curved * curved,
+            driven=self.driven * driven,
             faster=rise,
             quicker=change,
             aside=told.aside,
@@ -196,6 +198,11 @@ class Sensors:
                 continue
             relatives.append(replace(seen, confidence=sighting.confidence, mark=mark))
         return relatives
+
+
+def _share(part: float, whole: float) -> float:
+    """Of a motion, from 0 to 1; 0 of one that is none."""
+    return min(1.0, max(0.0, part / whole)) if abs(whole) > STILL else 0.0
 
 
 def sensors_of(settings: RobotSection) -> Sensors:

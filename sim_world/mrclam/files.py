@@ -10,6 +10,7 @@ import numpy as np
 
 from blackboard.config.mrclam import recording_folder, surveyed, table
 from blackboard.errors import UserError
+from blackboard.opinion.gaussian.vehicle import kinds
 from blackboard.opinion.grid import Array
 
 LONGEST_GAP = 0.5  # seconds: ground truth is not interpolated over a longer gap
@@ -26,23 +27,29 @@ class RobotFiles:
 
     @cached_property
     def _travelled(self) -> Array:
-        """Distance and angle commanded until each row, shape (n, 2): every command holds until the next."""
-        rows = self.odometry
-        steps = rows[:-1, 1:] * np.diff(rows[:, 0])[:, None]
-        return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        """What was commanded until each row, as `commanded` has it, shape (n, 4): every command holds until the next."""
+        steps = self._rates[:-1] * np.diff(self.odometry[:, 0])[:, None]
+        return np.concatenate([np.zeros((1, 4)), np.cumsum(steps, axis=0)])
 
-    def commanded(self, since: float, until: float) -> tuple[float, float]:
-        """Forward distance (m) and turn (rad) commanded in a span of time; nothing stamped after `until` counts."""
-        (d0, a0), (d1, a1) = self._until(since), self._until(until)
-        return d1 - d0, a1 - a0
+    @cached_property
+    def _rates(self) -> Array:
+        """What each row adds in a second, shape (n, 4)."""
+        rates = self.odometry[:, 1:]
+        return np.hstack([rates, np.column_stack(kinds(*rates.T)) * rates])
 
-    def _until(self, time: float) -> tuple[float, float]:
+    def commanded(self, since: float, until: float) -> tuple[float, float, float, float]:
+        """Forward distance (m) and turn (rad) commanded in a span of time; of these what was on a curve, and driven.
+
+        Nothing stamped after `until` counts.
+        """
+        distance, turn, curved, driven = (self._until(until) - self._until(since)).tolist()
+        return distance, turn, curved, driven
+
+    def _until(self, time: float) -> Array:
         row = int(np.searchsorted(self.odometry[:, 0], time, side="right")) - 1
         if row < 0:
-            return 0.0, 0.0
-        stamp, forward, angular = (float(v) for v in self.odometry[row])
-        distance, angle = (float(v) for v in self._travelled[row])
-        return distance + forward * (time - stamp), angle + angular * (time - stamp)
+            return np.zeros(4)
+        return np.asarray(self._travelled[row] + self._rates[row] * (time - self.odometry[row, 0]))
 
     def sightings_in(self, after: float, until: float) -> list[list[float]]:
         """The sightings stamped in (after, until], in time order: stamp, subject, range, bearing."""

@@ -94,8 +94,9 @@ class MrclamSource:
         pose = track.pose(now)
         odometry, fix = None, None
         if truth.tick:
-            distance, turn = track.commanded(before - self.settings.odometry_lag, now - self.settings.odometry_lag)
-            odometry = Odometry(distance=distance, turn=turn, dt=self.dt)
+            lag = self.settings.odometry_lag
+            distance, turn, curved, driven = track.commanded(before - lag, now - lag)
+            odometry = Odometry(distance=distance, turn=turn, dt=self.dt, curved=curved, driven=driven)
         elif pose is not None and not lost:
             x, y, heading = pose
             fix = Fix(position=(x, y), sigma=START_SIGMA, heading=heading, heading_sigma=START_HEADING_SIGMA)

@@ -2,16 +2,22 @@
 
 import logging.handlers
 import math
+from dataclasses import replace
+from functools import reduce
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from blackboard.config import Scenario
 from blackboard.errors import UserError
+from blackboard.opinion.gaussian.vehicle import Motion
 from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
 from robot_agent.driven import PIECES, Driven, SinceStep, driven, sensors_in
+from robot_agent.gaussian.sensors import Wheels
 from tests.present import present
 from tests.robot_agent.services import NOW, clock, kinds
 from tests.wire.envelopes import opened, world
@@ -83,6 +89,23 @@ def test_what_several_calls_told_adds_up() -> None:
     for _ in range(300):
         many = many.plus(both)
     assert len(many.sightings) == 256
+
+
+@given(
+    pieces=st.lists(st.tuples(st.floats(-0.3, 0.3), st.floats(-1, 1)), min_size=2, max_size=6),
+    scales=st.tuples(st.floats(0.5, 2), st.floats(0.5, 2)),
+)
+def test_what_wheels_make_of_a_step_is_what_they_make_of_its_pieces(
+    pieces: list[tuple[float, float]], scales: tuple[float, float]
+) -> None:
+    """A turn on the spot and then a straight way were taken for a curve, on which wheels may turn 0.6 of what they are told."""
+    wheels = replace(Wheels(), curved=scales[0], driven=scales[1])
+    told = [Odometry(distance=distance, turn=turn, dt=0.1) for distance, turn in pieces]
+    whole = reduce(SinceStep.plus, map(SinceStep, told), SinceStep()).odometry
+    assert whole is not None
+    motion, apart = wheels.motion(whole, None), reduce(Motion.plus, (wheels.motion(piece, None) for piece in told))
+    for name in ("distance", "turn", "curved", "driven"):
+        assert getattr(motion, name) == pytest.approx(getattr(apart, name), abs=1e-9)
 
 
 def test_a_fix_without_a_heading_leaves_the_heading_of_the_one_before() -> None:

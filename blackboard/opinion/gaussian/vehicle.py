@@ -26,6 +26,7 @@ WANDERING = [FORWARD, TURN, DRIFT, CURVED_WAY, CURVED_TURN, LAG]  # random walks
 AXES = slice(0, 2)  # the position
 POSE = slice(0, 3)
 ANYWHERE = math.pi**2 / 3  # radians ** 2: the variance of a heading of which nothing is known
+TRACK = 0.26  # unit: from wheel to wheel, of a robot of which nobody says
 CURVED, SPINNING = 0.3, 0.6  # shares (`kinds`) from which on a way is a curve, and a turn begins to be one on the spot
 Angle = TypeVar("Angle", float, Array)
 # The share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after.
@@ -110,7 +111,7 @@ def entering(pose: Moments, nuisance: Nuisance) -> Moments:
     return Moments(np.concatenate([pose.mean, prior.mean]), covariance)
 
 
-def kinds(way: float | Array, turn: float | Array, track: float) -> tuple[Array, Array]:
+def kinds(way: float | Array, turn: float | Array, track: float = TRACK) -> tuple[Array, Array]:
     """Which share of a way (unit) is on a curve, and which of a turn (radians) is driven: 0 to 1 each.
 
     By how far the wheels, `track` apart (unit), go against each other, as a share of all that they go: 0 straight ahead, 1 on

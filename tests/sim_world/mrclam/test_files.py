@@ -107,7 +107,7 @@ def track(odometry: list[list[float]], truth: list[list[float]] | None = None) -
 def test_a_command_holds_until_the_next(gaps: list[float], speeds: list[float], since: float, span: float) -> None:
     times = np.cumsum(gaps)
     driven = track([[t, v, -2 * v] for t, v in zip(times, speeds, strict=False)])
-    distance, turn = driven.commanded(since, since + span)
+    distance, turn, *_ = driven.commanded(since, since + span)
     # the slow, obvious way: cut the span wherever a command comes, and look up the newest one of each piece
     cuts = [since, *(t for t in times if since < t < since + span), since + span]
     expected = 0.0
@@ -116,6 +116,24 @@ def test_a_command_holds_until_the_next(gaps: list[float], speeds: list[float], 
         expected += (newest[-1] if newest else 0.0) * (b - a)
     assert distance == pytest.approx(expected, abs=1e-9)
     assert turn == pytest.approx(-2 * expected, abs=1e-9)
+
+
+@given(
+    commands=st.lists(st.sampled_from([(0.1, 0.0), (0.0, 0.7), (0.2, -0.9), (0.0, 0.0)]), min_size=1, max_size=8),
+    since=st.floats(0, 4),
+    span=st.floats(0, 4),
+)
+def test_curves_are_told_from_turns_on_the_spot_within_a_step(
+    commands: list[tuple[float, float]], since: float, span: float
+) -> None:
+    """A step in which the robot turned and then drove ahead looked like a curve."""
+    driven = track([[float(k), *command] for k, command in enumerate(commands)])
+    seconds = [max(0.0, min(k + 1.0, since + span) - max(float(k), since)) for k in range(len(commands))]
+    seconds[-1] = max(0.0, since + span - max(since, len(commands) - 1.0))  # the last command holds
+    curves = [(t, v, w) for t, (v, w) in zip(seconds, commands, strict=True) if v and w]
+    _, _, way, turn = driven.commanded(since, since + span)
+    assert way == pytest.approx(sum(t * v for t, v, _ in curves), abs=1e-9)
+    assert turn == pytest.approx(sum(t * w for t, _, w in curves), abs=1e-9)
 
 
 def test_truth_is_interpolated_over_short_gaps_only() -> None:
