@@ -21,7 +21,7 @@ from blackboard.process.roster import Roster
 from blackboard.process.rounds import WORLD, Rounds
 from blackboard.process.team_clock import Pace
 from blackboard.wire import keys
-from blackboard.wire.codec import encode
+from blackboard.wire.codec import enveloped
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Solo, Status
 from blackboard.wire.types import MAX_OPINIONS, Message
@@ -226,7 +226,7 @@ class WorldService:
             update={"asked": list(asked)[:MAX_OPINIONS], "again": list(again)[:MAX_OPINIONS]}
         )
         readings = [envelope for envelope in self._sent if envelope.key in mine]
-        return [*readings, Envelope(keys.CLOCK.key(team=self.team.name), encode(clock))]
+        return [*readings, enveloped(keys.CLOCK.key(team=self.team.name), clock)]
 
     # --- when a tick is over ------------------------------------------------------------------------------------------
 
@@ -322,9 +322,9 @@ class WorldService:
         named = teams if self.pace is Pace.LOCKSTEP else {}
         clock = Clock(run=self.run, tick=self.tick, time=truth.time, mode=self.time.mode, robots=named, settled=settled)
         team = self.team.name
-        self._sent = [Envelope(keys.READING.key(team=team, robot=r.robot), encode(r)) for r in readings]
+        self._sent = [enveloped(keys.READING.key(team=team, robot=r.robot), r) for r in readings]
         self._clock = clock
-        told = [Envelope(keys.TRUTH.key(team=team), encode(truth)), Envelope(keys.CLOCK.key(team=team), encode(clock))]
+        told = [enveloped(keys.TRUTH.key(team=team), truth), enveloped(keys.CLOCK.key(team=team), clock)]
         return [*self._sent, *told]
 
     def _stop(self, why: str) -> list[Envelope]:
@@ -333,4 +333,4 @@ class WorldService:
         self._judge()
         tick = max(0, self.tick)
         clock = Clock(run=self.run, tick=tick, time=tick * self.time.tick, mode=self.time.mode, end=True)
-        return [Envelope(keys.CLOCK.key(team=self.team.name), encode(clock))]
+        return [enveloped(keys.CLOCK.key(team=self.team.name), clock)]

@@ -14,7 +14,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake
 from blackboard.wire import keys
 from blackboard.wire.arrays import packed_grid
-from blackboard.wire.codec import encode
+from blackboard.wire.codec import enveloped
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Forward
 from blackboard.wire.messages import Consensus, PackedAnchor, Refusal, Status
@@ -183,7 +183,7 @@ class Publisher:
         return [self._told(keys.FORWARD, forward, board=board)]
 
     def _told(self, topic: keys.Topic, message: Message, **parts: str) -> Envelope:
-        return Envelope(topic.key(team=self.participants.team, sub_team=self.lead.sub_team, **parts), encode(message))
+        return enveloped(topic.key(team=self.participants.team, sub_team=self.lead.sub_team, **parts), message)
 
 
 def settings_in_force(settings: BoardSection) -> dict[str, str | float]:

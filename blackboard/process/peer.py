@@ -17,7 +17,7 @@ from blackboard.process.refusals import in_words
 from blackboard.process.service import Around
 from blackboard.process.team_clock import Pace
 from blackboard.wire import keys
-from blackboard.wire.codec import encode
+from blackboard.wire.codec import encode, enveloped
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
@@ -154,8 +154,9 @@ class Peer(Around):
         )
         if self.clock.pace is Pace.FREE:
             status = status.model_copy(update={"sent": now, "echo": self._echoes.held(now)})
-        payload = self._encoded(self._shortened(self.intake.counted(status, now)))
-        return [Envelope(key, payload) for key in self._status_keys]
+        status = self._shortened(self.intake.counted(status, now))
+        payload = encode(status, shortest=self._brief)
+        return [Envelope.written(key, payload, status) for key in self._status_keys]
 
     def size(self, report: Report) -> int:
         """Bytes of a report on the wire, keys included, over all sub-teams."""
@@ -165,20 +166,17 @@ class Peer(Around):
         """The reports of the newest tick, the solo beliefs where a world is there, whose referee reads them, and the statuses."""
         out = self._sent(self.answers.reports)
         if self.answers.solo is not None and self.roster.world:
-            out.append(Envelope(keys.SOLO.key(team=self.team, robot=self.robot), encode(self.answers.solo)))
+            out.append(enveloped(keys.SOLO.key(team=self.team, robot=self.robot), self.answers.solo))
         return out + self.statuses(now)
 
     def _sent(self, reports: Sequence[Report]) -> list[Envelope]:
-        encoded = [(report.subject, self._encoded(report)) for report in reports]
+        encoded = [(report, encode(report, shortest=self._brief)) for report in reports]
         parts = {"team": self.team, "source": self.robot}
         return [
-            Envelope(keys.REPORT.key(**parts, sub_team=sub_team, subject=subject), payload)
+            Envelope.written(keys.REPORT.key(**parts, sub_team=sub_team, subject=report.subject), payload, report)
             for sub_team in self.sub_teams
-            for subject, payload in encoded
+            for report, payload in encoded
         ]
-
-    def _encoded(self, message: Message) -> bytes:
-        return encode(message, shortest=self._brief)
 
     @property
     def _is_rare(self) -> bool:

@@ -16,6 +16,7 @@ beliefs.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
 from weakref import WeakValueDictionary
@@ -30,6 +31,7 @@ from blackboard.wire import levels as coded
 from blackboard.wire.levels import Coding, Levels
 from blackboard.wire.messages import MAX_CELLS, PackedBelief, PackedGrid
 
+NEWEST = 1 << 19  # cells of beliefs that are kept, in 4 MiB
 STEP = 0.05  # nats between two levels of "log8"
 MAX_STEP = 1.0  # nats; level 1 of "log8" is then e-254 of the peak, far from underflow
 
@@ -91,11 +93,16 @@ def unpack(packed: PackedBelief, grid: Grid | None = None) -> Belief:
     kept = _beliefs.get((packed, grid))
     if kept is None:
         kept = _beliefs[packed, grid] = _unpacked(packed, grid)
+        _newest.append(kept)
+        while len(_newest) > 1 and len(_newest) * kept.p.size > NEWEST:
+            _newest.popleft()
     return kept
 
 
-#: What is unpacked, for as long as somebody has it: in one process all who hear a message read it once.
+#: What is unpacked, for as long as somebody has it: in one process all who hear a message read it once. The newest are kept, because a
+#: referee reads those of a tick once the next one has begun.
 _beliefs: WeakValueDictionary[tuple[PackedBelief, Grid | None], Belief] = WeakValueDictionary()
+_newest: deque[Belief] = deque()
 
 
 def _unpacked(packed: PackedBelief, grid: Grid | None) -> Belief:

@@ -24,6 +24,11 @@ def encode(message: Message, *, shortest: bool = False) -> bytes:
     return pack_map(message.model_dump(exclude_defaults=True, exclude_none=True), shortest=shortest)
 
 
+def enveloped(key: str, message: Message) -> Envelope:
+    """A message on a key, as `encode` writes it."""
+    return Envelope.written(key, encode(message), message)
+
+
 def decode(model: type[M], payload: bytes) -> M:
     """The message in some bytes; raises `Refused` with the first of REASONS that applies.
 
@@ -49,7 +54,9 @@ def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Messa
     if parsed is None or model is None:
         raise Refused("wild-key", f"no message belongs on {envelope.key!r:.200}")
     topic, parts = parsed
-    message = decode(model, envelope.payload)
+    message = envelope.message
+    if not isinstance(message, model):
+        message = decode(model, envelope.payload)
     fields = vars(message)  # asking pydantic for a field that a model lacks takes long
     for name, in_key in {**parts, "level": topic.name}.items():
         in_message = fields.get(name, in_key)

@@ -9,8 +9,10 @@ from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
 from blackboard.lab.team import Team
 from blackboard.net.scheduler import BEGIN
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
-from tests.scenarios import SCENARIO
+from blackboard.wire.types import Message
+from tests.scenarios import JOINT, LEARNS, SCENARIO
 from tests.sim_world.datasets import write
 
 
@@ -25,6 +27,25 @@ def test_a_run_gives_the_scorecard_with_what_everybody_sent_and_received() -> No
     assert 0 < card["messages"]["sent"] <= len(envelopes)
     assert card["messages"]["dropped"] == 0
     assert card["messages"]["refused"] == {}
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        SCENARIO,
+        LEARNS,
+        JOINT.changed("robot", send={"budget": 2000.0}),
+        JOINT.changed("world", people={"count": 2, "speed": 0.5}, detector={"anonymous": ["person"]}),
+    ],
+)
+def test_what_is_heard_in_one_process_is_what_the_bytes_say(scenario: Scenario) -> None:
+    team = Team(scenario)
+    envelopes: list[Envelope] = []
+    team.bus.spies.append(envelopes.append)
+    team.run()
+    for envelope in envelopes:  # after the run, so that nobody changed what others had heard
+        assert isinstance(envelope.message, Message)
+        assert decode(type(envelope.message), envelope.payload) == envelope.message
 
 
 def test_time_moves_only_while_nothing_is_left_to_deliver() -> None:

@@ -17,10 +17,12 @@ from blackboard.board.service import BoardService
 from blackboard.opinion.scores import border_mass, hdr_level, held
 from blackboard.process.team_clock import Pace
 from blackboard.wire.arrays import unpack
+from blackboard.wire.codec import decode
 from blackboard.wire.messages import Consensus, Report, Status, Truth
 from tests.nights.events import Began, Died, Ended, Event, Looked, Moved, Recovered, Said, Sensed, Unsound
 from tests.nights.night import Night
 
+READ = 16  # of so many messages one is read
 SCORED = 3  # of so many ticks one is scored
 SHARES = (0.5, 0.95)  # of the mass, of the regions that are scored
 MOST_KEPT = 1060  # elements; the largest bound is 1024
@@ -64,6 +66,23 @@ class Oracle:
 
     def breaks(self, at: float, what: str) -> None:
         self._broken = self._broken or Broken(at, type(self).__name__, what)
+
+
+class BytesSayIt(Oracle):
+    """What the processes of a night hear as it was written is what its bytes say."""
+
+    sees = (Said,)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._said = 0
+
+    def see(self, event: Event) -> None:
+        assert isinstance(event, Said)
+        self._said += 1
+        heard = event.message
+        if heard is not None and self._said % READ == 0 and decode(type(heard), event.envelope.payload) != heard:
+            self.breaks(event.at, f"{event.process} says otherwise on {event.envelope.key} than its bytes")
 
 
 class NobodyDies(Oracle):

@@ -18,6 +18,7 @@ from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits, watche
 from tests.nights.night import Night, draw_night
 from tests.nights.oracles import (
     Broken,
+    BytesSayIt,
     Coverage,
     EveryTickIsSettled,
     InvariantsHold,
@@ -35,7 +36,7 @@ from tests.nights.stage import Stage
 from tests.nights.votes import BoardsAgreeAgain, OneVote, TheHonestCount
 
 ORACLES: tuple[type[Oracle], ...] = (
-    NobodyDies, InvariantsHold, NothingGrows, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
+    BytesSayIt, NobodyDies, InvariantsHold, NothingGrows, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
     SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
     BoardsAgreeAgain, Coverage, OneVote,
 )  # fmt: skip

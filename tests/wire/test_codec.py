@@ -11,7 +11,7 @@ from blackboard.errors import Refused
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import decode, encode, open_envelope
+from blackboard.wire.codec import decode, encode, enveloped, open_envelope
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import MODELS, REASONS, Report, Status
 from blackboard.wire.raw import MAX_BYTES, pack_map, unpack_map
@@ -235,6 +235,17 @@ def test_an_envelope_is_opened_once_for_all_who_hear_it_and_refused_by_each() ->
         with pytest.raises(Refused):
             open_envelope(broken)
     assert open_envelope(sound)[2] == report
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_what_this_process_wrote_is_taken_as_it_is_where_its_key_says_the_same(name: str) -> None:
+    parts, message = EXAMPLES[name]
+    envelope = enveloped(TOPICS[name].key(**parts), message)
+    assert envelope == Envelope(envelope.key, encode(message))
+    assert open_envelope(envelope)[2] is message
+    with pytest.raises(Refused) as refusal:
+        open_envelope(enveloped("cop/t/a/report/r9/object/other", message))
+    assert refusal.value.reason == ("impostor" if isinstance(message, Report) else "fields")
 
 
 # --- in fewer bytes ------------------------------------------------------------------------------------------------------
