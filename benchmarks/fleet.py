@@ -157,6 +157,7 @@ class Counted(Around):
         if envelope.kind is Kind.PUT:
             self.spent.into += len(envelope.key) + len(envelope.payload)
         open_envelope.cache_clear()
+        envelope = Envelope(envelope.key, envelope.payload, envelope.kind)  # the bytes alone
         began = time.process_time()
         return self._counted(super().receive(envelope, now), began)
 

@@ -28,6 +28,7 @@ from blackboard.config import BoardSection
 from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.belief import Belief, blur
 from blackboard.opinion.bell import width
+from blackboard.opinion.gaussian.once import Settle, settle_alone
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.provenance import Opinion
 from blackboard.opinion.weights import entropy_of
@@ -62,10 +63,11 @@ class Board:
         survive: Survive = lambda subject: nullcontext(),
         counters: Counter[str] | None = None,
         guests: Guests | None = None,
+        settle: Settle = settle_alone,
     ) -> None:
-        """`survive` is entered for each subject that is fused; by default an exception is the caller's. `counters`: of a joint.
+        """`survive` is entered for each subject that is fused; by default an exception is the caller's.
 
-        `guests`: by default there are none.
+        `counters` and `settle` are of a joint. `guests`: by default there are none.
         """
         self.sub_team = sub_team
         self.name = board
@@ -80,7 +82,7 @@ class Board:
         self._sources = {level: LevelRecord(Learner(), DissentJudge(level)) for level in ("consensus", "agreed")}
         counters = Counter() if counters is None else counters
         is_apart = settings.fusion == "opinions"
-        self.joint = None if is_apart else JointDesk(grid, settings, counters, self.ageing)
+        self.joint = None if is_apart else JointDesk(grid, settings, counters, self.ageing, settle)
         self.clusters = Clusters(grid, self.ageing, sub_team) if is_apart else None
 
     # --- the sub-team's reports ---------------------------------------------------------------------------------------

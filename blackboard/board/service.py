@@ -17,6 +17,7 @@ from blackboard.board.participants import Participants
 from blackboard.board.publisher import Publisher
 from blackboard.board.reception import Reception
 from blackboard.config import BoardSection, Scenario, TeamSection
+from blackboard.opinion.gaussian.once import Settle, settle_alone
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import Intake
 from blackboard.process.roster import Roster
@@ -32,7 +33,9 @@ log = logging.getLogger(__name__)
 SILENT = 5.0  # seconds that a leader may publish nothing of what this board has settled; another one then has all that it lacks
 
 
-def board_of(scenario: Scenario, sub_team: str, board: str | None = None) -> "BoardService":
+def board_of(
+    scenario: Scenario, sub_team: str, board: str | None = None, settle: Settle = settle_alone
+) -> "BoardService":
     """The board of a sub-team as a scenario asks for it, under the name that `blackboard up` gives to its first one."""
     return BoardService(
         team=scenario.team.name,
@@ -41,6 +44,7 @@ def board_of(scenario: Scenario, sub_team: str, board: str | None = None) -> "Bo
         grid=scenario.grid,
         settings=scenario.board,
         members=scenario.team,
+        settle=settle,
     )
 
 
@@ -56,10 +60,11 @@ class BoardService:
         grid: Grid,
         settings: BoardSection,
         members: TeamSection | None = None,
+        settle: Settle = settle_alone,
     ) -> None:
-        """`members`: the robots that a scenario names, and what others may do; by default everybody may report."""
+        """`members`: the robots that a scenario names, and what others may do; by default everybody may report. `settle`: a joint."""
         self.team, self.sub_team, self.name = team, sub_team, board
-        self.grid, self.settings = grid, settings
+        self.grid, self.settings, self._settle = grid, settings, settle
         self.intake = Intake()
         self.roster = Roster(*self.tokens)
         self.clock = TeamClock(self.roster, settings.period)
@@ -79,7 +84,7 @@ class BoardService:
         survive = self.intake.failures.survive
         self.guests.forget(())
         self.board = Board(
-            self.sub_team, self.name, self.grid, self.settings, survive, self.counters, guests=self.guests
+            self.sub_team, self.name, self.grid, self.settings, survive, self.counters, self.guests, self._settle
         )
         self.handover = Handover(self.board)
         self.reception.begin(self.board, self.handover)

@@ -13,6 +13,7 @@ from blackboard.config import Scenario
 from blackboard.judge.card import scorecard
 from blackboard.judge.samples import Keep
 from blackboard.net.scheduler import Scheduler
+from blackboard.opinion.gaussian.once import Settle, SettledOnce
 from blackboard.process.service import Service
 from blackboard.wire.messages import Readings, Truth
 from robot_agent.team import robot_of
@@ -53,15 +54,18 @@ class Team(Scheduler):
         *,
         around: Wrap = lambda name, service: service,
         record: Keep | None = None,
+        settle: Settle | None = None,
     ) -> None:
         """Connect the boards, the robots, then the world. With `shuffle`, envelopes arrive in an order drawn from it.
 
         Each robot runs as what `around` makes of it; `record` is given every sample that counts. UserError: a mistake in the scenario.
+        What all boards settle alike of a joint is settled once; with `settle_alone` each does so for itself.
         """
         super().__init__(shuffle=shuffle)
         self.scenario, self._around = scenario, around
+        settle = settle or SettledOnce()
         self.boards = {  # by sub-team, as `a`, and where it has several as `a2`
-            name.removeprefix("board-"): board_of(scenario, sub_team, name)
+            name.removeprefix("board-"): board_of(scenario, sub_team, name, settle)
             for sub_team in scenario.team.sub_teams
             for name in scenario.team.boards_of(sub_team)
         }

@@ -9,6 +9,7 @@ from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
 from blackboard.lab.team import Team
 from blackboard.net.scheduler import BEGIN
+from blackboard.opinion.gaussian.once import settle_alone
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.types import Message
@@ -46,6 +47,10 @@ def test_what_is_heard_in_one_process_is_what_the_bytes_say(scenario: Scenario) 
     for envelope in envelopes:  # after the run, so that nobody changed what others had heard
         assert isinstance(envelope.message, Message)
         assert decode(type(envelope.message), envelope.payload) == envelope.message
+
+
+def test_boards_that_are_settled_once_say_what_each_says_alone() -> None:
+    assert Team(JOINT).run()["hash"] == Team(JOINT, settle=settle_alone).run()["hash"]
 
 
 def test_time_moves_only_while_nothing_is_left_to_deliver() -> None:

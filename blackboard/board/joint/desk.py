@@ -32,6 +32,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.lost import Lost
 from blackboard.opinion.gaussian.naming import Naming, Unnamed
+from blackboard.opinion.gaussian.once import Settle, settle_alone
 from blackboard.opinion.gaussian.rings import RingPlace
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
@@ -69,10 +70,16 @@ class JointDesk:
     """
 
     def __init__(
-        self, grid: Grid, settings: BoardSection, counters: Counter[str], ageing: Ageing | None = None
+        self,
+        grid: Grid,
+        settings: BoardSection,
+        counters: Counter[str],
+        ageing: Ageing | None = None,
+        settle: Settle = settle_alone,
     ) -> None:
         self.grid, self.settings = grid, settings
         self._ageing = ageing or Ageing(settings.drift, grid)
+        self._settle_team = settle
         self.team = self._begun()
         self.dissent = DissentJudge("agreed", joint=True)
         # Counted here, and kept where the joint begins anew: `joint_restarts`, `joint_dropped`.
@@ -337,7 +344,8 @@ class JointDesk:
     ) -> tuple[list[Verdict], None] | tuple[None, Exception]:
         """The verdicts of a step, or what broke it; a fault of this program is logged, each kind once."""
         try:
-            return self.team.settle(number, dt, batch), None
+            self.team = self._settle_team(self.team, number, dt, batch)
+            return self.team.tally.verdicts, None
         except Degenerate as error:
             return None, error
         except Exception as error:
