@@ -37,6 +37,7 @@ FORMER = 9  # states of a robot whose scales do not depend on the kind of motion
 MAX_RELATIVES = 64
 MAX_PROFILE = 64
 MAX_VALUES = 8
+MOST_ALIKE = 0.99
 TIED = 1e-9  # the least eigenvalue of a sighting's covariance, of its scale
 
 
@@ -157,6 +158,8 @@ class PackedNuisance(Part):
     """random walks of both scales and the drift, of curved way, curved turn and lag, per square root of a second"""
     memory: Annotated[tuple[NonNegative, ...], Field(min_length=3, max_length=3), Listed]
     """seconds after which bearing bias, slip and range scale are forgotten; 0: never"""
+    alike: Annotated[NonNegative, Field(le=MOST_ALIKE)] = 0.0
+    """share of the variances of scales and lag that robots which tell the same numbers here have in common, being of one make"""
 
 
 class PackedRelative(Part):

@@ -90,6 +90,7 @@ def _packed_nuisance(nuisance: Nuisance, states: int) -> PackedNuisance:
         sigmas=nuisance.sigmas if states == STATES else nuisance.sigmas[:6],
         walks=nuisance.walks if states == STATES else nuisance.walks[:3],
         memory=tuple(0.0 if np.isinf(seconds) else seconds for seconds in nuisance.memory),
+        alike=nuisance.alike,
     )
 
 
@@ -186,7 +187,7 @@ def by_kind(told: Odometry, track: float = TRACK) -> tuple[float, float]:
 
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
     memory = tuple(seconds or np.inf for seconds in packed.memory)
-    return Nuisance(packed.forward, packed.turn, packed.sigmas, packed.walks, memory)
+    return Nuisance(packed.forward, packed.turn, packed.sigmas, packed.walks, memory, packed.alike)
 
 
 def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.alike import add_alike
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
@@ -70,7 +71,7 @@ def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str,
         belief = news[robot].belief
         assert belief is not None
         entering = team.limits.entering(robot, belief)
-        team.joint.add(robot, Moments(entering.mean, AGAIN * entering.covariance))
+        _add(team, news[robot], Moments(entering.mean, AGAIN * entering.covariance))
     return again
 
 
@@ -83,7 +84,7 @@ def enter(team: TeamState, evidence: Evidence) -> bool:
     """
     robot, known = evidence.robot, team.known.get(evidence.robot)
     if known is None or known.epoch != evidence.epoch:
-        team.known[robot] = Known(evidence.epoch, evidence.travelled)
+        team.known[robot] = Known(evidence.epoch, evidence.travelled, nuisance=evidence.nuisance)
         team.drop(robot)
         team.contacts.begin(robot)
     if robot in team.joint or evidence.belief is None:
@@ -92,8 +93,19 @@ def enter(team: TeamState, evidence: Evidence) -> bool:
     returned = _returned(team, evidence) if known is None else None
     if returned is None and evidence.epoch <= 1000 * team.returned_at:
         own = Moments(own.mean, AGAIN * own.covariance)
-    team.joint.add(robot, own if returned is None else returned)
+    if returned is None:
+        _add(team, evidence, own)
+    else:
+        team.joint.add(robot, returned)
     return True
+
+
+def _add(team: TeamState, evidence: Evidence, belief: Moments) -> None:
+    """Add a robot by a belief of its own, whose scales are alike those of the robots that tell the same `Nuisance`."""
+    nuisance = evidence.nuisance
+    like = [other for other in sorted(team.known) if other in team.joint and team.known[other].nuisance == nuisance]
+    with team.blaming(evidence.robot):
+        add_alike(team.joint, evidence.robot, belief, nuisance, like if nuisance.alike else [])
 
 
 def _returned(team: TeamState, evidence: Evidence) -> Moments | None:

@@ -201,13 +201,21 @@ class Joint:
 
     # --- blocks ---------------------------------------------------------------------------------------------------------
 
-    def add(self, block: Block, moments: Moments) -> None:
-        """A new block that is independent of all others."""
+    def add(self, block: Block, moments: Moments, follows: Mapping[Block, Array] | None = None) -> None:
+        """A new block, independent of all others but for those that it `follows`.
+
+        Its covariance is what `moments` has, and what comes of their errors times the matrices, (states of the new one, of the other).
+        """
         n, m = len(self.mean), len(moments.mean)
         if block in self.blocks:
             raise ValueError(f"{block!r} is in the joint already")
         covariance = np.zeros((n + m, n + m))
         covariance[:n, :n], covariance[n:, n:] = self.covariance, _symmetric(moments.covariance)
+        if follows:
+            cross = sum((by @ self.covariance[self.blocks[other]] for other, by in follows.items()), np.zeros((m, n)))
+            spread = sum((cross[:, self.blocks[other]] @ by.T for other, by in follows.items()), np.zeros((m, m)))
+            covariance[n:, :n], covariance[:n, n:] = cross, cross.T
+            covariance[n:, n:] += _symmetric(spread)
         self.mean, self.covariance = np.concatenate([self.mean, moments.mean]), covariance
         self.blocks[block] = slice(n, n + m)
         self._firsts = {}

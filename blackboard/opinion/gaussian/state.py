@@ -25,7 +25,7 @@ from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_bia
 from blackboard.opinion.gaussian.rings import Ring
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, Nuisance
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
@@ -68,6 +68,7 @@ class Known:
     motion: Motion = field(default_factory=Motion)
     lately: Motion = field(default_factory=Motion)
     time: float = 0.0
+    nuisance: Nuisance = field(default_factory=Nuisance)
 
     def is_over(self, epoch: int, time: float) -> bool:
         """Whether evidence until a team time (s) is of an epoch that is over; where it is later, a clock was set back."""

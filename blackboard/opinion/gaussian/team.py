@@ -70,7 +70,8 @@ class TeamJoint(TeamState):
             known = self.known[robot]
             motion = evidence.travelled.since(known.travelled)
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
-            self.known[robot] = Known(known.epoch, evidence.travelled, known.left_out, motion, lately, evidence.time)
+            told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance
+            self.known[robot] = Known(known.epoch, *told)
         self.forget_objects()
         end_tick(self)
         close_rings(self)

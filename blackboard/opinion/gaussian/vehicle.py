@@ -45,6 +45,7 @@ class Nuisance:
     #: Of forward and turn scale, drift, curved way and turn, lag: per square root of a second of motion.
     walks: tuple[float, ...] = (0.0,) * 6
     memory: tuple[float, ...] = (math.inf,) * 3  # seconds: of the bearing bias, the slip and the range scale
+    alike: float = 0.0  # share of the scales' variances that robots with the same `Nuisance` have in common (`alike`)
 
     def __post_init__(self) -> None:
         """The last sigmas and walks may be left out: they are 0."""
