@@ -11,6 +11,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -42,7 +43,8 @@ from blackboard.opinion.weights import entropy_of
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedState, PackedTrack, PackedVelocity
 from blackboard.wire.gaussians import pack_state, pack_track, pack_velocity, unpack_track
-from blackboard.wire.messages import Consensus, LeftOut, Used
+from blackboard.wire.levels import Coding
+from blackboard.wire.messages import Consensus, LeftOut, PackedBelief, Used
 from blackboard.wire.types import MAX_NAME
 
 log = logging.getLogger(__name__)
@@ -371,7 +373,8 @@ class JointDesk:
     def _consensus(self, subject: str, verdicts: list[Verdict], time: float, make: Make) -> Consensus:
         about = [verdict for verdict in verdicts if verdict.subject == subject]
         taken = sorted({verdict.source for verdict in about if verdict.taken})
-        belief = draw(self.grid, self._now(subject, time))
+        now = self._now(subject, time)
+        belief, nats = _told(self.grid, self.settings.coding, now.mean.tobytes(), now.covariance.tobytes())
         left_out = {verdict.source: reason(verdict) for verdict in about if not verdict.taken}
         if time < self._barred.get(subject, -math.inf):
             left_out[subject] = "its evidence breaks the joint"
@@ -381,7 +384,7 @@ class JointDesk:
             left_out[PREDICTION] = f"contradicted by {names(choice.members)}"
         return make(
             subject=subject,
-            belief=pack(belief, self.settings.coding),
+            belief=belief,
             ancestors=self._ancestors(),
             used=self._used(taken, subject),
             left_out=[
@@ -389,7 +392,7 @@ class JointDesk:
                 for name in sorted(left_out)
             ],
             components=[] if choice is None else list(choice.components),
-            entropy=entropy_of(belief.p),
+            entropy=nats,
             conflict=bool(left_out or camps),
             rule="joint",
             learned=learned(self.team.innovations, taken),
@@ -475,3 +478,10 @@ class JointDesk:
         nats = 0.5 * np.log((2 * math.pi * math.e) ** 2 * determinants) - math.log(self.grid.volume)
         entropies: list[float] = np.maximum(0.0, nats).tolist()
         return entropies
+
+
+@lru_cache(2 * MAX_OBJECTS + MAX_ROBOTS)
+def _told(grid: Grid, coding: Coding, mean: bytes, covariance: bytes) -> tuple[PackedBelief, float]:
+    """A Gaussian drawn as it is told, and its nats; kept, because the boards of one process tell the same of a subject."""
+    belief = draw(grid, Moments(np.frombuffer(mean), np.frombuffer(covariance).reshape(2, 2)))
+    return pack(belief, coding), entropy_of(belief.p)
