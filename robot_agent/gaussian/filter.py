@@ -132,8 +132,10 @@ class FirstHand:
             self.restart(readings.time)
         self._judge_wheels(at)
         motion, named, told = self._move(readings), Named(readings), readings
+        moved = None if at is None or not self.known else self._team_moved(at, motion)
         if self.known:
-            expected = self._expected(at, motion)
+            plausible = moved is not None and self._is_plausible(moved.moments(self.robot))
+            expected = moved if moved is not None and plausible else self.joint  # by whom to recognise landmarks
             named = self.landmarks.named(readings, self.robot, expected, motion, self._seen(motion.dt))
             readings = named.readings
         newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age) if not is_class(s.subject)}
@@ -152,7 +154,7 @@ class FirstHand:
             self._drive(noise)
         prediction = self.belief
         self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
-        team = None if at is None or not self.known else self._ahead(at.mean, motion)
+        team = None if moved is None else moved.mean
         apart = math.inf if team is None else self._squared(team)
         # a place far from the own belief would make any sighting contradict it
         linear = team if apart <= NEAR else None
@@ -354,21 +356,12 @@ class FirstHand:
         largest = max(np.abs(at.mean).max(), np.abs(at.covariance).max())
         return bool(largest <= ABSURD) and self._squared(at.mean) <= NEAR
 
-    def _ahead(self, at: Array, motion: Motion) -> Array:
+    def _team_moved(self, at: Moments, motion: Motion) -> Joint:
         """Where the team's belief of a tick ago has come to."""
-        moved = Joint()
-        moved.add(self.robot, Moments(np.array(at, dtype=float), np.zeros((STATES, STATES))))
-        drive(moved, self.robot, motion, self.sensors.wheels.nuisance)
-        return moved.mean
-
-    def _expected(self, at: Moments | None, motion: Motion) -> Joint:
-        """The robot, by what the team believed a tick ago where that is plausible, else by its own belief: whom to recognise by."""
-        if at is None:
-            return self.joint
         moved = Joint()
         moved.add(self.robot, at)
         drive(moved, self.robot, motion, self.sensors.wheels.nuisance)
-        return moved if self._is_plausible(moved.moments(self.robot)) else self.joint
+        return moved
 
     def _start(self, readings: Readings) -> None:
         if (pose := starting_pose(readings, self.sensors.compass)) is not None:
