@@ -98,15 +98,21 @@ def fuse_opinions(
         independent, uniform_ones = _without_uniform(independent)
     if dissent is not None and not everything:
         dissent.judge_opinions(subject, now, independent, lambda others: _pooled(rule, others, grid))
+    is_alone = isinstance(rule, Coalition) and len(independent) == 1 and not overlapping
     if learner is not None and isinstance(rule, Coalition) and rule.independence == "learn":
-        if len(independent) == 1 and not overlapping:
-            return _with_uniform(uniform_ones, _alone(independent[0], rule, learner, counts), counts)
+        if is_alone:
+            learned = learner.learned([independent[0].source])
+            alone = _alone(independent[0], _advised(rule, CAUTIOUS), counts, learned=learned)
+            return _with_uniform(uniform_ones, alone, counts)
         learner.compare_opinions(subject, now, independent)
         return _with_uniform(
             uniform_ones, _fused(_as_learned(rule, independent, overlapping, learner), grid, counts), counts
         )
     if dissent is not None and not everything:
         powers = {(o.source, how): dissent.weight(o.source) for o in opinions for how in HOW}
+    if is_alone:
+        power = powers.get((independent[0].source, "independent"), 1.0)
+        return _with_uniform(uniform_ones, _alone(_tempered(independent[0], power), rule, counts, power), counts)
     return _with_uniform(uniform_ones, _fused(_to_powers(rule, independent, overlapping, powers), grid, counts), counts)
 
 
@@ -203,8 +209,14 @@ def _fused(given: _Weighed, grid: Grid, counts: Callable[[str], bool]) -> Fusion
     )
 
 
-def _alone(only: Opinion, rule: Coalition, learner: Learner, counts: Callable[[str], bool]) -> Fusion:
-    """The only opinion about a subject: what the coalition makes of it, without asking what is true of one opinion."""
+def _alone(
+    only: Opinion,
+    rule: Rule,
+    counts: Callable[[str], bool],
+    power: float = 1.0,
+    learned: Sequence[LearnedSource] = (),
+) -> Fusion:
+    """The only opinion about a subject, to its power: what a coalition makes of it, without asking what is true of one opinion."""
     grid, one = only.belief.grid, only.belief.p[np.newaxis]
     belief = Belief(grid, rule.belief(one))
     is_counted = all(map(counts, only.ancestors))
@@ -214,12 +226,12 @@ def _alone(only: Opinion, rule: Coalition, learner: Learner, counts: Callable[[s
         firsthand=belief if is_counted else uniform(grid),
         firsthand_ancestors=union([only.ancestors] if is_counted else []),
         is_firsthand=is_counted,
-        shares=[Contribution(only, 1.0, "independent")],
+        shares=[Contribution(only, 1.0, "independent", power)],
         components=[1.0],
         conflict=False,
-        rule=_advised(rule, CAUTIOUS),
+        rule=rule,
         outcome="pooled",
-        learned=learner.learned([only.source]),
+        learned=list(learned),
     )
 
 
