@@ -23,14 +23,17 @@ from blackboard.opinion.gaussian.linearising import linearise
 from blackboard.opinion.gaussian.relation import Relative, forget_biases
 from blackboard.opinion.gaussian.rings import LEAST, SURE, Line, Ring
 from blackboard.opinion.gaussian.vehicle import (
+    ANYWHERE,
     AXES,
     BEARING,
     CURVED_TURN,
+    FLAT,
     HEADING,
     POSE,
     STATES,
     Motion,
     Nuisance,
+    X,
     correct,
     drive,
     entering,
@@ -92,6 +95,8 @@ class FirstHand:
     _before: Moments | None = None
     #: `_before` as a joint, which the next motion moves on; None if the newest evidence was sent.
     _unsent: Joint | None = None
+    #: The heading was never known: it is that at which the team linearises, until the own readings tell one.
+    _is_lent: bool = False
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
     #: Sightings and those beyond the gate, of the last ticks.
@@ -133,6 +138,7 @@ class FirstHand:
         self._judge_wheels(at)
         motion, named, told = self._move(readings), Named(readings), readings
         moved = None if at is None or not self.known else self._team_moved(at, motion)
+        self._lend(moved)
         if self.known:
             plausible = moved is not None and self._is_plausible(moved.moments(self.robot))
             expected = moved if moved is not None and plausible else self.joint  # by whom to recognise landmarks
@@ -156,8 +162,9 @@ class FirstHand:
         self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
         team = None if moved is None else moved.mean
         apart = math.inf if team is None else self._squared(team)
-        # a place far from the own belief would make any sighting contradict it
-        linear = team if apart <= NEAR else None
+        # a place far from the own belief would make any sighting contradict it; and where no heading was ever known, two sightings of
+        # one landmark would seem to tell it, if they were linearised elsewhere than the motion between
+        linear = team if apart <= NEAR and not self._is_lent else None
         if not self.known:
             self._start(readings)
         elif self.absolute.take(self.joint, readings, self.sensors.compass) and not seen_landmarks:
@@ -279,6 +286,7 @@ class FirstHand:
 
     def enter(self, pose: Moments) -> None:
         """Begin with a pose (x, y, heading), shape (3,) and (3, 3), as from a grid. ValueError: there is a belief already."""
+        self._is_lent = bool(pose.covariance[HEADING, HEADING] >= ANYWHERE)
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
 
     def _reopen(self, at: Array) -> None:
@@ -343,6 +351,20 @@ class FirstHand:
             if joint is not None:
                 drive(joint, self.robot, motion, self.sensors.wheels.nuisance)
         self.absolute.move(motion)
+
+    def _lend(self, team: Joint | None) -> None:
+        """A belief that knows neither place nor heading takes the team's pose for its mean: what is gained is gained over it."""
+        if team is None or not self._is_lent:
+            return
+        covariance = self.joint.moments(self.robot).covariance
+        self._is_lent = bool(covariance[HEADING, HEADING] > STRAYED**2)
+        if not self._is_lent or self._ring is not None or covariance[X, X] < FLAT / 2:
+            return
+        for joint in (self.joint, self._unsent):
+            if joint is not None:
+                mean = joint.moments(self.robot).mean.copy()
+                mean[POSE] = team.mean[POSE]
+                joint.move(self.robot, mean, np.eye(STATES), np.zeros((STATES, STATES)))
 
     def _squared(self, at: Array) -> float:
         """The squared Mahalanobis distance of a pose from the own belief, whose variances count as at least 1."""

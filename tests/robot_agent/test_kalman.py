@@ -322,3 +322,26 @@ def test_readings_that_say_how_exact_they_are_count_so() -> None:
     assert relative.biases == ()
     result = robot.step(readings(1, compass=0.7, compass_sigma=0.4, odometry=Odometry(distance=0, turn=0, dt=1)))
     assert present(result.belief).covariance[HEADING, HEADING] == pytest.approx(0.4**2 / 2, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_landmark_tells_no_heading_to_a_robot_that_entered_by_its_mates(seed: int) -> None:
+    """Before, it was sure of a wrong one after three sightings: each was linearised where the team had the robot, its motion was not."""
+    noise, pose, there = np.random.default_rng(seed), np.array([12.0, 10.4, 2.2]), (0.0, 18.0)
+    robot = FirstHand(ROBOT)
+    robot.step(readings(0))
+    robot.enter(Moments(pose + noise.normal(size=3) * (0.7, 0.7, 0.1), np.diag([1e6, 1e6, np.pi**2 / 3])))
+    for tick in range(1, 21):
+        before = present(robot.belief)
+        at = Moments(before.mean.copy(), before.covariance)
+        at.mean[:3] = pose + noise.normal(size=3) * (0.1, 0.1, 0.02)
+        pose[:2] += 0.4 * np.array([np.cos(pose[2]), np.sin(pose[2])])
+        seen = sight_of(tuple(pose), "landmark/a", there)
+        sigmas = {"range_sigma": 0.1, "bearing_sigma": 0.04}
+        errors = {"range": seen.range + 0.1 * noise.normal(), "bearing": seen.bearing + 0.04 * noise.normal()}
+        moved = Odometry(distance=0.4, turn=0.0, dt=1.0)
+        robot.step(readings(tick, odometry=moved, sightings=[seen.model_copy(update=sigmas | errors)]), at)
+    belief = present(robot.belief)
+    assert belief.covariance[HEADING, HEADING] >= 2.0
+    off = np.array([*(belief.mean[AXES] - pose[:2]), belief.mean[HEADING] - pose[2]])
+    assert off @ np.linalg.solve(belief.covariance[:3, :3], off) <= 16.3, "99.9 %"
