@@ -13,17 +13,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from blackboard.opinion.belief import Belief
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.comparing import RETURNING
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
-from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.joint import Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.tracks import Tracks
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, POSE, Motion, correct, drive
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, POSE, Motion, correct, drive, wrap
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
 from blackboard.wire.gaussians import pack_evidence
@@ -39,6 +40,8 @@ from robot_agent.gaussian.sensors import Sensors, sensors_of
 from robot_agent.raster import with_outlier
 from robot_agent.sensing import trackable
 
+#: Sigma of a place, in cells, below which a bound of the boards may keep it there: an eighth where nobody says one.
+FINE = 0.25
 NOTHING = np.diag([FLAT, FLAT, math.pi**2 / 3])  # the covariance of a pose (x, y, heading) that may be any
 
 
@@ -119,12 +122,26 @@ class JointAgent:
         return [r.model_copy(update=told_own) if r.subject == self.subject else r for r in reports], solo
 
     def pose(self) -> Moments | None:
-        """Where the robot is, (x, y, heading) with covariance, shape (3,) and (3, 3): as the team has it, else by its own readings."""
-        state = self.team if self.team is not None else self.filter.belief
+        """Where the robot is, (x, y, heading) with covariance, shape (3,) and (3, 3): as the team has it, else by its own readings.
+
+        Boards take no claim for more than a fraction of a cell (`[board] sharpest`). So where a place is known that well, the own
+        readings may tell more.
+        """
+        own = self.filter.belief
+        state = own if self.team is None or self._is_sharper(own, self.team) else self.team
         if state is None:
             return None if self.searching is None else self.searching.pose()
         moments = Moments(state.mean[POSE].copy(), state.covariance[POSE, POSE].copy())
         return moments if np.trace(moments.covariance[AXES, AXES]) < KNOWN else None
+
+    def _is_sharper(self, own: Moments | None, team: Moments) -> bool:
+        """Whether the own belief knows more than the team's, which is fine, and fits it; not of a filter of the robot's own."""
+        is_fine = np.trace(team.covariance[AXES, AXES]) < 2 * (FINE * self.grid.cell) ** 2
+        if own is None or not is_fine or isinstance(self.filter, Given) or _volume(own) >= _volume(team):
+            return False
+        off = own.mean[POSE] - team.mean[POSE]
+        off[HEADING] = wrap(float(off[HEADING]))
+        return squared_distance(off, team.covariance[POSE, POSE]) <= quantile(GATE, len(off))
 
     def found(self) -> dict[str, float]:
         """What it has found out of its sensors, by name."""
