@@ -36,12 +36,15 @@ def form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, hea
 
     The polar form is exact in the heading, the Cartesian one in the positions. The error of the first grows with the positions'
     variance over the distance, of the second with the heading's variance times the distance; a tenth of the distance does no harm to
-    the first. A heading without error leaves the second exact.
+    the first. A heading without error leaves the second exact. An error that is Gaussian in x and y makes every range of the first
+    too long, so it is borne up to the heading's alone.
     """
     places, exact = its[0].places, bool(its[0].spread)
     ranges, bearings = np.array([(sighting.range, sighting.bearing) for sighting in its]).T
     distance = np.hypot(away[:, 0], away[:, 1])
     polar = (heading > EXACT) & (spread[:, 0, 0] + spread[:, 1, 1] < (heading + 0.01) * distance**2)
+    if exact:
+        polar &= np.array([sighting.flat_across for sighting in its]) <= heading * distance**2
     polar = (polar & (distance >= NEAREST) & ((ranges >= distance / 2) | (not exact))) | (not places)
     far = np.maximum(distance, NEAREST)
     sight = away / far[:, np.newaxis]

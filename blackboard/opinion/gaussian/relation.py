@@ -14,6 +14,7 @@ from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array
 
 QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])  # a turn by 90 degrees: the derivative of a rotation
+ALIKE = 1e-3  # variances that differ by less than this share are the same
 NEAREST = 1e-6  # unit: nearer than this there is no line of sight
 BiasBlock = tuple[str, str, str, float]  # "bias", observer, group, time constant (s)
 
@@ -92,6 +93,18 @@ class Relative:
         sight = self.along()
         turn[AXES, AXES] = np.stack([sight, QUARTER @ sight]) * np.array([along, across])[:, None]
         return np.asarray(turn @ triangle(self.spread) @ turn.T)
+
+    @property
+    def flat_across(self) -> float:
+        """Variance (unit ** 2) across the line of sight of an error that is Gaussian in x and y; 0 of one in range and bearing.
+
+        A `spread` whose axes lie along and across the place that was measured was made of a range and a bearing.
+        """
+        if not self.spread:
+            return 0.0
+        (along, tie), (_, across) = self.spread_along(1.0, 1.0)[AXES, AXES].tolist()
+        is_round = abs(along - across) <= ALIKE * (along + across)
+        return float(across) if is_round or abs(tie) > ALIKE * math.sqrt(along * across) else 0.0
 
     def without_profile(self) -> "Relative":
         """The sighting with the variances that its profile has at the measured range."""

@@ -140,6 +140,27 @@ def test_what_a_line_misses_of_a_ring_is_expected_and_added_to_the_noise(kind: K
     assert spread == pytest.approx(float(samples.var()), rel=0.15)
 
 
+@pytest.mark.parametrize("flat", [True, False], ids=["in x and y", "in range and bearing"])
+@pytest.mark.parametrize("across", [0.02, 0.1], ids=["narrow", "wide"])
+def test_many_positions_are_taken_as_their_errors_lie(flat: bool, across: float) -> None:
+    """Before, those in x and y were 4 sigmas too near where the bearing errs by 0.1: each range was too long by across ** 2 / 2."""
+    chance, joint, place = np.random.default_rng(5), Joint(), np.array([20.0, 5.0])
+    mean = np.array([0.0, 0.0, 0.0, 1.0, 1.0, *[0.0] * (STATES - 5)])
+    joint.add("robot/r0", Moments(mean, np.diag([1e-6, 1e-6, 1e-8] + [1e-12] * (STATES - 3))))
+    joint.add("object/ball", Moments(place + chance.normal(size=2), np.eye(2)))
+    far, angle = math.hypot(*place), math.atan2(place[1], place[0])
+    for _ in range(300):
+        off = chance.normal(size=2) * (0.05, across)
+        seen = angle if flat else angle + off[1]
+        frame = np.array([[math.cos(seen), -math.sin(seen)], [math.sin(seen), math.cos(seen)]])
+        values = place + frame @ (off[0], far * off[1]) if flat else frame @ (far + off[0], 0.0)
+        covariance = (frame * [0.05**2, (far * across) ** 2]) @ frame.T
+        sighting = measured("position", "robot/r0", "object/ball", values.tolist(), covariance[UPPER[2]].tolist())
+        correct(joint, linearise(joint, sighting, {}))
+    error, ball = joint.mean[joint.blocks["object/ball"]] - place, joint.moments("object/ball")
+    assert error @ np.linalg.solve(ball.covariance, error) <= 9.2, "99 %"
+
+
 def test_a_pose_tells_the_heading_of_a_mate() -> None:
     joint = two_robots(np.random.default_rng(3), scale=0.05)
     its = joint.blocks["robot/r1"].start + HEADING
