@@ -21,6 +21,7 @@ from blackboard.lab.team import Team, played
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.run.flags import RecordingFlags
+from blackboard.wire.gaussians import by_kind
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from examples.field.world import Truth, World
 from robot_agent.config import RobotSection
@@ -53,9 +54,10 @@ def driven(way: float = 1.0, arc: float = 1.0, turn: float = 1.0, drift: float =
     """Odometry that reports so many times each way and turn, and `drift` rad/s more while the robot moves."""
 
     def spoilt(odometry: Odometry, random: Random) -> Odometry:
-        by = turn * (arc if abs(odometry.distance) > 0.02 * odometry.dt else 1.0)
+        curved, driven = by_kind(odometry)
         more = drift * odometry.dt if moving(odometry) else 0.0
-        return odometry.model_copy(update={"distance": way * odometry.distance, "turn": by * odometry.turn + more})
+        told = {"distance": way * odometry.distance, "turn": turn * (odometry.turn + (arc - 1) * driven) + more}
+        return odometry.model_copy(update=told | {"curved": way * curved, "driven": turn * arc * driven})
 
     return Spoil(spoilt)
 
