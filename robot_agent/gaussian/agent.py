@@ -144,8 +144,8 @@ class JointAgent:
         return squared_distance(off, team.covariance[POSE, POSE]) <= quantile(GATE, len(off))
 
     def found(self) -> dict[str, float]:
-        """What it has found out of its sensors, by name."""
-        return self.filter.found()
+        """What it and its team have found out of its sensors, by name."""
+        return self.filter.found(self.team)
 
     def on_board(self) -> None:
         """A board has come: in its next ticks the robot returns what the team knew of it."""

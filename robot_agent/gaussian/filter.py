@@ -247,14 +247,17 @@ class FirstHand:
                 relatives[name] = blurred(relatives[name], *blurs[name])
         return relatives
 
-    def found(self) -> dict[str, float]:
-        """What it has found out of its wheels and its camera, by name (`findings`); nothing where none of it is unknown."""
+    def found(self, team: Moments | None = None) -> dict[str, float]:
+        """What was found out of its wheels and its camera, by name (`findings`); nothing where none of it is unknown.
+
+        Of errors that last that is what the team knows, if it has told the robot's whole block: mates see them, too.
+        """
         belief = self.belief
         if belief is None:
             return {"moved": 1.0} if self.mishaps.moved else {}
         if not any(self.sensors.wheels.nuisance.sigmas):
             return {}
-        return findings(belief, self.wheels, self.camera, self.absolute, self.mishaps)
+        return findings(team or belief, self.wheels, self.camera, self.absolute, self.mishaps)
 
     def silent(self) -> None:
         """The evidence of the newest tick was not sent: what is gained in the next one is gained over what was known before it."""

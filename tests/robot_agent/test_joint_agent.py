@@ -9,7 +9,7 @@ import pytest
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import triangle
-from blackboard.opinion.gaussian.vehicle import AXES, STATES
+from blackboard.opinion.gaussian.vehicle import AXES, CURVED_TURN, STATES, TURN
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import PackedState, Seen
@@ -163,6 +163,20 @@ def test_it_returns_nothing_that_is_of_itself_alone_or_says_no_more_than_it_know
         returned(agent, tick, {"robot/r1": team} if tick == 2 else {})
     agent.on_board()
     assert returned(agent, 3) is None
+
+
+def test_it_says_of_its_wheels_what_its_team_knows() -> None:
+    """A robot that sees no landmark said of its scales what it began with, though the team knew them."""
+    agent, team = (
+        JointAgent("r1", RobotSection.model_validate({"vision": {"kind": "range-bearing"}}), GRID),
+        state(12, 12),
+    )
+    team.mean[TURN], team.mean[CURVED_TURN] = 1.0, -0.4
+    for tick in range(3):
+        place = replace(agreed(0.5, 12, 12)["robot/r1"], state=team)
+        agent.tick(readings(tick, fix=(10, 10) if tick == 0 else None), {"robot/r1": place} if tick == 2 else {})
+    assert agent.found()["curve turn scale"] == pytest.approx(0.6, abs=0.01)
+    assert agent.found()["curve turn scale sigma"] < 0.05
 
 
 def test_an_older_word_of_the_team_is_not_taken_for_a_newer_one() -> None:
