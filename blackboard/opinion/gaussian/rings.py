@@ -6,17 +6,17 @@ Gaussians by the curvature at the optimum (Laplace's approximation).
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import NEAREST, Relative
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in
 from blackboard.opinion.grid import Array
 
-MOST = 32  # sightings that are kept of one thing, the newest
+MOST = 32  # sightings that are kept of one thing, from places that are far apart
 OLDEST = 20.0  # seconds: what was seen earlier is not kept
 STARTS = 24  # along the first ring, or ray
 STEPS = 12  # of Gauss and Newton
@@ -57,21 +57,24 @@ class Ring:
     """Mutable: what was seen of one thing. `walk` is how it moves, unit / sqrt(s)."""
 
     walk: float = 0.0
-    _lines: deque[Line] = field(default_factory=lambda: deque(maxlen=MOST))
+    _lines: list[Line] = field(default_factory=list)
 
     def copy(self) -> "Ring":
         """The same, which may be changed without changing this one."""
         return Ring(self.walk, self._lines.copy())
 
     def add(self, line: Line) -> None:
-        """Keep a sighting, and forget those that are old."""
-        self._lines.append(line)
-        while self._lines[0].time < line.time - OLDEST:
-            self._lines.popleft()
+        """Keep a sighting, and forget those that are old; of too many, the older of the two of a kind from the nearest places."""
+        self._lines = [kept for kept in self._lines if kept.time >= line.time - OLDEST] + [line]
+        if len(self._lines) > MOST:
+            places, ranges = self._places_seen_from()
+            apart = np.hypot(*(places[:, np.newaxis] - places).T)
+            apart[(ranges[:, np.newaxis] != ranges) | np.tri(len(places), dtype=bool)] = math.inf
+            del self._lines[int(apart.min(axis=1).argmin())]
 
     def move(self, by: Array) -> None:
         """The thing moved by so much, shape (2,), as it knows itself: what was seen before is seen from as far on."""
-        self._lines = deque((replace(line, place=line.place + by) for line in self._lines), maxlen=MOST)
+        self._lines = [replace(line, place=line.place + by) for line in self._lines]
 
     @property
     def newest(self) -> float:
@@ -110,9 +113,13 @@ class Ring:
             places.append(RingPlace(Moments(ends[k], covariance), share))
         return tuple(sorted(places, key=lambda place: -place.weight))
 
+    def _places_seen_from(self) -> tuple[Array, npt.NDArray[np.bool_]]:
+        """From where, shape (n, 2), and whether it was a range, shape (n,)."""
+        return np.array([line.place for line in self._lines]), np.array([line.is_range for line in self._lines])
+
     def _starts(self) -> Array:
         """Places along the first ring, or along the first ray, shape (n, 2)."""
-        first, places = self._lines[0], np.array([line.place for line in self._lines])
+        first, (places, _) = self._lines[0], self._places_seen_from()
         if first.is_range:
             angles = np.arange(STARTS) * 2 * math.pi / STARTS
             return np.asarray(
@@ -124,8 +131,7 @@ class Ring:
 
     def _solved(self, starts: Array) -> tuple[Array, Array, Array]:
         """By Gauss and Newton from each start: - 2 ln(likelihood), shape (n,), place, (n, 2), and information, (n, 2, 2)."""
-        lines = list(self._lines)
-        places, ranges = np.array([line.place for line in lines]), np.array([line.is_range for line in lines])
+        lines, (places, ranges) = self._lines, self._places_seen_from()
         values, fresh = np.array([line.value for line in lines]), np.array([line.variance for line in lines])
         own = np.array([line.own + self.walk**2 * (self.newest - line.time) for line in lines])
         ends = starts

@@ -59,6 +59,20 @@ def test_from_one_place_it_is_nowhere(kind: Kind) -> None:
         assert ring.places() == ()
 
 
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+@pytest.mark.parametrize("hertz", [1.0, 5.0, 20.0, 50.0])
+def test_a_robot_that_drives_past_finds_it_however_often_it_looks(hertz: float, kind: Kind) -> None:
+    """Of many sightings the newest alone were kept, of so short a way that they never met."""
+    chance, ring = np.random.default_rng(3), Ring()
+    for look in range(int(14 * hertz)):
+        place = np.array([0.5 * look / hertz - 2.0, 0.0])
+        ring.add(line(place, THERE, kind, 0.05 * chance.normal(), 0.05**2, look / hertz))
+    likeliest = ring.places()[0]
+    assert likeliest.weight == pytest.approx(1.0 if kind == "bearing" else 0.5, abs=0.01)
+    off = np.abs(likeliest.moments.mean) - THERE  # a straight way leaves a mirror image of ranges
+    assert off @ np.linalg.solve(likeliest.moments.covariance, off) < 18.4  # 99.99 %
+
+
 @given(seed=st.integers(0, 10_000))
 def test_numbers_of_any_size_are_a_place_or_none(seed: int) -> None:
     chance, ring = np.random.default_rng(seed), Ring()
