@@ -88,7 +88,10 @@ def named(evidence: Evidence, unnamed: Iterable[Unnamed]) -> Evidence:
 
 
 class EvidenceCountsOnce(Oracle):
-    """No piece of evidence is taken in two steps, and no step tells a joint more of a robot's place than each piece once."""
+    """No piece of evidence is taken in two steps, and no step tells a joint more of a robot's place than each piece once.
+
+    A sighting of a robot that has not told how it moved until then counts with the observer's next evidence.
+    """
 
     sees = (Stepped,)
 
@@ -96,6 +99,9 @@ class EvidenceCountsOnce(Oracle):
         super().__init__(night)
         self._taken: dict[Board, dict[Piece, int]] = {}  # with the number of the step
         self._newest: dict[Board, dict[str, Evidence]] = {}
+        self._early: dict[
+            Board, dict[str, Evidence]
+        ] = {}  # those with the sightings that count with the next one alone
         self._steps = 0
 
     def see(self, event: Event) -> None:
@@ -108,8 +114,13 @@ class EvidenceCountsOnce(Oracle):
                     event.at, f"{event.process} takes {piece} in step {taken[piece]} and in step {event.number}"
                 )
         self._steps += 1
+        early = self._early.setdefault(event.board, {})
+        told = {robot: said.time for robot, said in newest.items() if robot not in {said.robot for said in event.batch}}
+        parted = [_parted(evidence, told) for evidence in event.batch]
         if self._steps % SAMPLED == 0:
-            self._compare(event, newest)
+            batch = [_plus(now, early.get(now.robot)) for now, _ in parted]
+            self._compare(replace(event, batch=batch), newest)
+        early |= {later.robot: later for _, later in parted}
         newest |= {evidence.robot: evidence for evidence in event.batch}
 
     def _compare(self, event: Stepped, newest: Mapping[str, Evidence]) -> None:
@@ -132,6 +143,24 @@ class EvidenceCountsOnce(Oracle):
                 self.breaks(
                     event.at, f"{event.process} knows {robot} with {share:.2f} of the variance that its evidence leaves"
                 )
+
+
+def _parted(evidence: Evidence, told: Mapping[str, float]) -> tuple[Evidence, Evidence]:
+    """With the sightings that count now, and with those whose subjects have `told` how they moved until earlier (team time, s)."""
+    now = evidence.time
+    early = [seen for seen in evidence.relatives if told.get(seen.subject, now) < now - seen.age]
+    rest = [seen for seen in evidence.relatives if not any(seen is other for other in early)]
+    return replace(evidence, relatives=tuple(rest)), replace(evidence, relatives=tuple(early))
+
+
+def _plus(evidence: Evidence, early: Evidence | None) -> Evidence:
+    """With the sightings of the evidence before that are to count with this one."""
+    if early is None:
+        return evidence
+    older = evidence.time - early.time
+    return replace(
+        evidence, relatives=(*(replace(seen, age=seen.age + older) for seen in early.relatives), *evidence.relatives)
+    )
 
 
 class SameEvidenceSameBits(Oracle):

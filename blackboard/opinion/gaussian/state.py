@@ -108,6 +108,8 @@ class TeamState:
     first_entry: float | None = None  # `elapsed` when the first robot entered
     #: Team time (s) of the newest knowledge of an earlier joint that a robot has returned.
     returned_at: float = -math.inf
+    #: Observer -> team time (s) and its newest sightings of robots that had not told how they moved until then: they wait.
+    early: dict[str, tuple[float, tuple[Relative, ...]]] = field(default_factory=dict)
     seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
     #: Observer -> the lasting errors of its sightings -> seconds since one with it was taken, the longest first.
     used: dict[str, dict[BiasBlock, float]] = field(default_factory=dict)
@@ -136,6 +138,7 @@ class TeamState:
             absent=dict(self.absent),
             rings={subject: ring.copy() for subject, ring in self.rings.items()},
             known=dict(self.known),
+            early=dict(self.early),
             seen=dict(self.seen),
             used={observer: dict(used) for observer, used in self.used.items()},
         )

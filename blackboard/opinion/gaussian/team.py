@@ -20,12 +20,16 @@ from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_the_mean
 from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rings import RingPlace
 from blackboard.opinion.gaussian.sightings import batches, close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.tracking import end_tick, pass_absent
 from blackboard.opinion.gaussian.vehicle import AXES, LATELY, STATES, UNSTEADY, Motion, Nuisance, drive, speed
 from blackboard.opinion.grid import Grid
+
+TIMED = 1e-3  # seconds: how exactly the times of sightings and motions are known
+OFTEN = 1.5  # times the observer's period: a robot that tells its motion as often is waited for
 
 
 @dataclass
@@ -151,21 +155,34 @@ class TeamJoint(TeamState):
         return news
 
     def _aligned(self, news: dict[str, Evidence]) -> dict[str, Evidence]:
-        """With the sightings of robots whose tick ended at another time than the observer's saying so."""
+        """With the sightings of robots whose tick ended at another time than the observer's saying so, but for those that wait."""
         ends = {robot: known.time for robot, known in self.known.items()} | {
             r: evidence.time for r, evidence in news.items()
         }
         if len(set(ends.values())) < 2:
             return news
-        return {
-            robot: replace(
-                evidence,
-                relatives=tuple(
-                    replace(r, ahead=ends.get(r.subject, evidence.time) - evidence.time) for r in evidence.relatives
-                ),
+        return {robot: self._without_early(evidence, ends, news) for robot, evidence in news.items()}
+
+    def _without_early(self, evidence: Evidence, ends: Mapping[str, float], news: Mapping[str, Evidence]) -> Evidence:
+        """Without sightings of robots that tell later how they moved until then: those come with the observer's next evidence.
+
+        Who tells its motion less often than the observer is not waited for.
+        """
+        robot, now = evidence.robot, evidence.time
+        known, (then, early) = self.known.get(robot), self.early.pop(robot, (now, ()))
+        since = now - known.time if known is not None and known.epoch == evidence.epoch else 0.0
+        relatives = [replace(r, age=r.age + now - then) for r in early] if since > 0 else []
+        waiting = list[Relative]()
+        for relative in evidence.relatives:
+            subject = self.known.get(relative.subject)
+            is_early = ends.get(relative.subject, now) < now - relative.age - TIMED
+            waits = (
+                is_early and relative.subject not in news and subject is not None and subject.motion.dt <= OFTEN * since
             )
-            for robot, evidence in news.items()
-        }
+            (waiting if waits else relatives).append(relative)
+        if waiting:
+            self.early[robot] = now, tuple(waiting)
+        return replace(evidence, relatives=tuple(replace(r, ahead=ends.get(r.subject, now) - now) for r in relatives))
 
     def _predict(self, dt: float, news: Mapping[str, Evidence]) -> dict[str, Motion]:
         """Move every robot that is known and was heard by all that it has travelled since; let biases and objects drift."""
