@@ -30,6 +30,7 @@ from blackboard.wire.evidence import (
 from blackboard.wire.messages import Odometry
 from blackboard.wire.types import LARGEST
 
+THERE_AND_BACK = 1e3  # unit or radians: by so much a part of a step may be more than the step in all
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
 
 
@@ -177,12 +178,18 @@ def unpack_motion(packed: PackedMotion) -> Motion:
 
 
 def by_kind(told: Odometry, track: float = TRACK) -> tuple[float, float]:
-    """What of a way was driven on a curve (unit), and of its turn not on the spot (radians): as told, or as the whole step looks."""
+    """What of the distance was driven on a curve (unit), and what of the turn while driving (radians).
+
+    Where the odometry does not tell it, it is judged by the whole step, and the distance between the wheels, `track` (unit).
+    """
     curved, driven = kinds(told.distance, told.turn, track)
-    return (
-        float(curved) * told.distance if told.curved is None else told.curved,
-        float(driven) * told.turn if told.driven is None else told.driven,
-    )
+    return _part(told.curved, told.distance, float(curved)), _part(told.driven, told.turn, float(driven))
+
+
+def _part(told: float | None, whole: float, share: float) -> float:
+    """A part of a sum as it was told, or else a share. Of ways there and back it may be more than the sum, but not without bound."""
+    most = abs(whole) + THERE_AND_BACK
+    return share * whole if told is None else min(most, max(-most, told))
 
 
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:

@@ -269,6 +269,17 @@ def test_noise_depends_on_the_command() -> None:
     assert still.moving == 0.0
 
 
+@pytest.mark.parametrize("part", [1e12, -1e12, 1e6])
+def test_a_part_of_a_step_that_is_far_more_than_the_step_ends_no_filter(part: float) -> None:
+    """A turn of .1 rad of which 1e12 rad were driven left no covariance."""
+    own = FirstHand("robot/r1")
+    for tick in range(6):
+        moved = Odometry(distance=0.1, turn=0.1, dt=0.5, curved=part, driven=part)
+        fix = Fix(position=(1.0, 1.0), sigma=0.1, heading=0.0) if tick != 2 else None
+        own.step(Readings(run="x", robot="r1", tick=tick, time=0.5 * tick, odometry=moved if tick else None, fix=fix))
+    assert own.known
+
+
 def test_wheels_that_drift_turn_more_than_told_while_they_move() -> None:
     wheels = Wheels(drift=0.01)
     assert wheels.motion(Odometry(distance=0.2, turn=0.0, dt=2.0), None).turn == pytest.approx(0.02)

@@ -18,9 +18,10 @@ MADE = [FORWARD, TURN, RANGE, CURVED_WAY, CURVED_TURN, LAG]
 
 
 def add_alike(joint: Joint, robot: str, belief: Moments, nuisance: Nuisance, like: Sequence[str]) -> None:
-    """Add a robot by its first-hand belief, shape (12,), with scales that are alike those of some that the joint has.
+    """Add a robot by its first-hand belief, shape (12,), with scales like those of some robots that the joint has.
 
-    What the belief has learned of its scales beyond their prior corrects the robot alone. Others learn of it by increments.
+    What those claim counts for one sigma of a scale at most: a state with which a robot enters passes no gate. What the belief has
+    learned of its own scales beyond their prior corrects the robot alone.
     """
     prior = nuisance.prior()
     made = [state for state in MADE if prior.covariance[state - FORWARD, state - FORWARD]]
@@ -39,7 +40,8 @@ def add_alike(joint: Joint, robot: str, belief: Moments, nuisance: Nuisance, lik
     )
     follows = np.zeros((len(belief.mean),) * 2)
     follows[:, made] = share * by_made
-    deviations = [joint.mean[joint.blocks[other]][made] - expected for other in like]
+    sigmas = np.sqrt(variances)
+    deviations = [np.clip(joint.mean[joint.blocks[other]][made] - expected, -sigmas, sigmas) for other in like]
     entering = Moments(unlearned.mean + share * by_made @ sum(deviations), rest + (by_made * own) @ by_made.T)
     joint.add(robot, entering, dict.fromkeys(like, follows))
     learned = gained(unlearned, belief)

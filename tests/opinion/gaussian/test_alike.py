@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from blackboard.errors import Degenerate
 from blackboard.opinion.gaussian.alike import MADE, add_alike
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
@@ -41,10 +42,10 @@ def with_the_make(beliefs: dict[str, Moments], nuisance: Nuisance) -> Joint:
     return joint
 
 
-def measure(joint: Joint, robot: str, chance: np.random.Generator) -> None:
-    """Two numbers that are measured of a robot's states."""
-    rows, numbers = chance.normal(0, 1, (2, STATES)), chance.normal(1, 1, 2)
-    residual = numbers - rows @ joint.mean[joint.blocks[robot]]
+def measure(joint: Joint, robot: str, belief: Moments, chance: np.random.Generator) -> None:
+    """Two numbers that are measured of a robot's states, near what it believed: beyond a sigma, less of its scales is followed."""
+    rows, off = chance.normal(0, 1, (2, STATES)), chance.normal(0, 0.02, 2)
+    residual = off - rows @ (joint.mean[joint.blocks[robot]] - belief.mean)
     joint.update(Factor(residual, {robot: rows}, 0.01 * np.eye(2)))
 
 
@@ -61,8 +62,8 @@ def test_who_enters_later_knows_what_it_would_with_the_make_as_a_block(seed: int
     for number, (robot, belief) in enumerate(beliefs.items()):
         add_alike(joint, robot, belief, nuisance, ROBOTS[:number])
         for other in ROBOTS[: number + 1]:
-            measure(joint, other, np.random.default_rng([seed, number]))
-            measure(oracle, other, np.random.default_rng([seed, number]))
+            measure(joint, other, beliefs[other], np.random.default_rng([seed, number]))
+            measure(oracle, other, beliefs[other], np.random.default_rng([seed, number]))
     assert is_as(joint, oracle, *beliefs)
 
 
@@ -74,7 +75,7 @@ def test_what_a_robot_has_learned_before_it_enters_counts_once_and_for_itself(se
     alone.add("robot/b", beliefs["robot/b"])
     joint.add("robot/a", beliefs["robot/a"])
     for place, robot in ((joint, "robot/a"), (oracle, "robot/a"), (alone, "robot/b"), (oracle, "robot/b")):
-        measure(place, robot, np.random.default_rng(seed))
+        measure(place, robot, beliefs[robot], np.random.default_rng(seed))
     before = joint.moments("robot/a")
     add_alike(joint, "robot/b", alone.moments("robot/b"), NUISANCE, ["robot/a"])
     assert is_as(joint, oracle, "robot/b")
@@ -105,6 +106,33 @@ def test_a_robot_learns_its_scales_from_those_of_its_make_alone(other: Nuisance,
     assert turned["a"] == pytest.approx(wrap(0.6 * 5.0), abs=0.05)
     off = abs(wrap(float(turned["b"] - turned["a"])))
     assert off < 0.3 if learns else off > 1.0
+
+
+@pytest.mark.parametrize("claimed", [1000.0, 1.4, -5.0])
+def test_a_scale_that_a_robot_claims_when_it_enters_moves_the_next_by_a_sigma_at_most(claimed: float) -> None:
+    """Within the format, and surely: the next robot of the make entered with .9 of that."""
+    joint, pose = TeamJoint(), Moments(np.zeros(3), 1e-4 * np.eye(3))
+    state = entering(pose, NUISANCE)
+    state.mean[FORWARD], state.covariance[FORWARD, FORWARD] = claimed, 1e-12
+    told = [evidence("a", NUISANCE, belief=state), evidence("b", NUISANCE, belief=entering(pose, NUISANCE))]
+    joint.settle(0, 1.0, told)
+    block = joint.joint.moments("robot/b")
+    assert abs(block.mean[FORWARD] - 1.0) <= NUISANCE.sigmas[0]
+    assert block.covariance[FORWARD, FORWARD] > 0.0
+
+
+@pytest.mark.parametrize("zero", [[FORWARD], MADE])
+def test_scales_that_a_robot_claims_to_know_exactly_bar_nobody_else(zero: list[int]) -> None:
+    joint, pose = TeamJoint(), Moments(np.zeros(3), 1e-4 * np.eye(3))
+    state = entering(pose, NUISANCE)
+    state.covariance[zero, zero] = 0.0
+    joint.settle(0, 1.0, [evidence("a", NUISANCE, belief=entering(pose, NUISANCE))])
+    try:
+        joint.settle(1, 1.0, [evidence("b", NUISANCE, 1, belief=state)])
+    except Degenerate as degenerate:
+        assert degenerate.robot == "robot/b"
+    else:
+        assert "robot/b" in joint.subjects()
 
 
 def test_one_that_is_of_no_make_enters_as_ever() -> None:
