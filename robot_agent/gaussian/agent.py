@@ -40,7 +40,7 @@ from robot_agent.gaussian.sensors import Sensors, sensors_of
 from robot_agent.raster import with_outlier
 from robot_agent.sensing import trackable
 
-#: Sigma of a place, in cells, below which a bound of the boards may keep it there: an eighth where nobody says one.
+#: Cells: a smaller sigma of the team's place may be the bound of the boards (`[board] sharpest`; by default 1/8 of a cell).
 FINE = 0.25
 NOTHING = np.diag([FLAT, FLAT, math.pi**2 / 3])  # the covariance of a pose (x, y, heading) that may be any
 

@@ -95,7 +95,7 @@ class FirstHand:
     _before: Moments | None = None
     #: `_before` as a joint, which the next motion moves on; None if the newest evidence was sent.
     _unsent: Joint | None = None
-    #: The heading was never known: it is that at which the team linearises, until the own readings tell one.
+    #: Whether the heading is not known from own readings yet. The mean is then the team's: only a place to linearise at.
     _is_lent: bool = False
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place

@@ -34,7 +34,7 @@ WHEELED = Nuisance(
     turn=1.0,
     sigmas=(0.15, 0.1, 0.003, 0.03, 0.0, 0.1, 0.1, 0.3, 0.2),
     walks=(0.005, 0.0, 0.0001, 0.0, 0.0, 0.0),
-    alike=0.9,  # one robot differs from the next of its make a third as much as makes differ
+    alike=0.9,  # robots of one make differ from its mean by a third as much as makes differ from each other
 )
 ALIKE = 4 / 3  # times the sigma of a frame: bearings that follow each other err alike (correlation .60, after 8 s .28)
 MAX_GROUPS = 1024  # of landmarks that stand together

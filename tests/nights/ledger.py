@@ -99,9 +99,8 @@ class EvidenceCountsOnce(Oracle):
         super().__init__(night)
         self._taken: dict[Board, dict[Piece, int]] = {}  # with the number of the step
         self._newest: dict[Board, dict[str, Evidence]] = {}
-        self._early: dict[
-            Board, dict[str, Evidence]
-        ] = {}  # those with the sightings that count with the next one alone
+        #: Robot -> its newest evidence, with only those sightings that count with its next one.
+        self._early: dict[Board, dict[str, Evidence]] = {}
         self._steps = 0
 
     def see(self, event: Event) -> None:

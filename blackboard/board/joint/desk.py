@@ -482,6 +482,6 @@ class JointDesk:
 
 @lru_cache(2 * MAX_OBJECTS + MAX_ROBOTS)
 def _told(grid: Grid, coding: Coding, mean: bytes, covariance: bytes) -> tuple[PackedBelief, float]:
-    """A Gaussian drawn as it is told, and its nats; kept, because the boards of one process tell the same of a subject."""
+    """A Gaussian as a grid for a message, and its entropy (nats). Kept, because all boards of one process draw the same."""
     belief = draw(grid, Moments(np.frombuffer(mean), np.frombuffer(covariance).reshape(2, 2)))
     return pack(belief, coding), entropy_of(belief.p)

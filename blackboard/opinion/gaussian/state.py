@@ -108,7 +108,7 @@ class TeamState:
     first_entry: float | None = None  # `elapsed` when the first robot entered
     #: Team time (s) of the newest knowledge of an earlier joint that a robot has returned.
     returned_at: float = -math.inf
-    #: Observer -> team time (s) and its newest sightings of robots that had not told how they moved until then: they wait.
+    #: Observer -> the end of its last tick (team time, s), and its sightings that wait until their subjects tell their motion.
     early: dict[str, tuple[float, tuple[Relative, ...]]] = field(default_factory=dict)
     seen: dict[str, float] = field(default_factory=dict)  # object -> seconds since it was sighted
     #: Observer -> the lasting errors of its sightings -> seconds since one with it was taken, the longest first.

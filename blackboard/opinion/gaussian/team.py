@@ -29,7 +29,7 @@ from blackboard.opinion.gaussian.vehicle import AXES, LATELY, STATES, UNSTEADY, 
 from blackboard.opinion.grid import Grid
 
 TIMED = 1e-3  # seconds: how exactly the times of sightings and motions are known
-OFTEN = 1.5  # times the observer's period: a robot that tells its motion as often is waited for
+OFTEN = 1.5  # A sighting waits only for a subject whose ticks are at most so many times as long as the observer's.
 
 
 @dataclass

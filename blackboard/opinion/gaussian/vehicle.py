@@ -26,7 +26,7 @@ WANDERING = [FORWARD, TURN, DRIFT, CURVED_WAY, CURVED_TURN, LAG]  # random walks
 AXES = slice(0, 2)  # the position
 POSE = slice(0, 3)
 ANYWHERE = math.pi**2 / 3  # radians ** 2: the variance of a heading of which nothing is known
-TRACK = 0.26  # unit: from wheel to wheel, of a robot of which nobody says
+TRACK = 0.26  # unit: the distance between the wheels, where none is given
 CURVED, SPINNING = 0.3, 0.6  # shares (`kinds`) from which on a way is a curve, and a turn begins to be one on the spot
 Angle = TypeVar("Angle", float, Array)
 # The share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after.
