@@ -21,7 +21,7 @@ from blackboard.process.reactions import Cue
 from blackboard.process.team_clock import Pace
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Seen
-from blackboard.wire.gaussians import by_kind
+from blackboard.wire.gaussians import parts_of
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from blackboard.wire.types import MAX_OPINIONS, Message
 from robot_agent.config import VisionSection, settings_of, table_of
@@ -70,7 +70,7 @@ class SinceStep:
         before, odometry = self.odometry, later.odometry
         if before is not None and odometry is not None:
             sums: dict[str, Any] = {name: getattr(before, name) + getattr(odometry, name) for name in SUMMED}
-            kinds = zip(by_kind(before), by_kind(odometry), strict=True)
+            kinds = zip(parts_of(before), parts_of(odometry), strict=True)
             sums["curved"], sums["driven"] = (one + other for one, other in kinds)
             for name in ("distance_sigma", "turn_sigma"):
                 one, other = getattr(before, name), getattr(odometry, name)

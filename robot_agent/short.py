@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from blackboard.opinion.gaussian.relation import triangle
+from blackboard.opinion.gaussian.relation import triangle, upper
 from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import PackedEvidence, PackedIncrement, PackedRelative, PackedState, Seen
@@ -71,20 +71,16 @@ def _relative(packed: PackedRelative) -> PackedRelative:
 def _seen(packed: Seen) -> Seen:
     size = len(packed.values)
     wider = triangle(packed.covariance) * (1 + WIDER * np.eye(size)) if packed.covariance else np.zeros((0, 0))
-    covariance = _singles(tuple(map(float, wider[np.triu_indices(len(wider))])))
+    covariance = _singles(upper(wider))
     return packed.model_copy(
         update={"values": _singles(packed.values), "covariance": covariance, "age": single(packed.age)}
     )
 
 
-def _upper(matrix: Array) -> tuple[float, ...]:
-    return tuple(matrix[np.triu_indices(len(matrix))].tolist())
-
-
 def _state(packed: PackedState) -> PackedState:
     covariance = triangle(packed.covariance)
     covariance[np.diag_indices(len(covariance))] *= 1 + WIDER
-    return PackedState(mean=_singles(packed.mean), covariance=_singles(_upper(covariance)))
+    return PackedState(mean=_singles(packed.mean), covariance=_singles(upper(covariance)))
 
 
 def _increment(packed: PackedIncrement, covariance: Array | None) -> PackedIncrement:
@@ -118,7 +114,7 @@ def _increment(packed: PackedIncrement, covariance: Array | None) -> PackedIncre
     measured = measured + rows @ (np.array(packed.reference) - reference)
     return PackedIncrement(
         reference=tuple(map(float, reference)),
-        information=_upper(rows.T @ rows),
+        information=upper(rows.T @ rows),
         vector=_singles(tuple(map(float, rows.T @ measured))),
     )
 

@@ -36,9 +36,8 @@ class Sightings:
 
     #: Subject -> what was sent of it; the newest is last in order.
     told: dict[str, Reckoned] = field(default_factory=dict)
-    _after: dict[str, Reckoned] = field(
-        default_factory=dict
-    )  # what will be known if the sightings of this tick are sent
+    # What will be known if the sightings of this tick are sent.
+    _after: dict[str, Reckoned] = field(default_factory=dict)
 
     def news(
         self, evidence: PackedEvidence, time: float, mine: Moments | None, entropies: Mapping[str, float], grid: Grid

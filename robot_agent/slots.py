@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from blackboard.opinion.gaussian.relation import NEAREST, triangle
+from blackboard.opinion.gaussian.relation import NEAREST, triangle, upper
 from blackboard.opinion.gaussian.vehicle import AXES, wrap
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import PackedEvidence, PackedRelative, Seen
@@ -137,8 +137,8 @@ def _mean_of_kind(told: Sequence[tuple[Seen, float]], age: float) -> Seen:
             values[-1] = first + wrap(float(values[-1]) + turn - first)
         rows.append(values)
         spreads.append(spread)
-    upper = (np.mean(spreads, axis=0) / count)[np.triu_indices(len(rows[0]))]
-    changes = {"values": tuple(map(single, np.mean(rows, axis=0))), "covariance": tuple(map(single, upper))}
+    covariance = upper(np.mean(spreads, axis=0) / count)
+    changes = {"values": tuple(map(single, np.mean(rows, axis=0))), "covariance": tuple(map(single, covariance))}
     return newest.model_copy(update={**changes, "age": single(age)})
 
 

@@ -65,9 +65,8 @@ class Offers:
             return self._of_mate(report, first, stale, known, share)
         lost = divergence(best.p, stale.p)
         options = [self._option(report, best, best, lost, share)]
-        plain = report.model_copy(
-            update={"ancestors": {}, "unnamed": []}
-        )  # the key says that the source is the only one
+        # The key says that the source is the only one.
+        plain = report.model_copy(update={"ancestors": {}, "unnamed": []})
         for precisions in (
             (FINER, FINER),
             (COARSER, FINER),

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from blackboard.faults import AnyFault, Drift, is_of_sensors
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.wire.messages import Readings, Truth
 from sim_world.sensor_source import Changed
-from sim_world.sensors import wrap
 
 
 @dataclass

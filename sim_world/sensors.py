@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from blackboard.config.world import WorldOdometrySection, WorldVisionSection
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.wire.messages import Fix, Odometry, Sighting
 
 # The distances of (VI-.1), in cells: the printed sigma is 0 at the best view, and nothing is seen outside NEAR..FAR.
@@ -26,11 +27,6 @@ def vision_sigma(distance: float, gain: float = 1.0, floor: float = 0.5) -> floa
     # (VI-.1): sigma(d) = 8 |d - 7.5| for 3 <= d <= 11, and 20 ln |d - 7.5| for 1 < d < 3 and 11 < d < 13
     sigma = 8.0 * off if INNER <= distance <= OUTER else 20.0 * math.log(off)
     return max(floor, gain * sigma)
-
-
-def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def see(

@@ -17,9 +17,10 @@ import numpy as np
 
 from blackboard.config.world import ObjectSection, WorldSection
 from blackboard.errors import UserError
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.opinion.grid import Grid
 from blackboard.wire.messages import Readings, Truth
-from sim_world.sensors import Odometer, see, wrap
+from sim_world.sensors import Odometer, see
 
 Streams = Callable[[str], np.random.Generator]  # name of a stream -> its generator, at its beginning
 Place = tuple[float, float]

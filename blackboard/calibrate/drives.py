@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blackboard.opinion.gaussian.vehicle import kinds
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings
 
@@ -99,12 +98,6 @@ class Drives:
         """The same without the sightings of some landmarks, by their numbers."""
         return replace(self, sightings=self.sightings.where(~np.isin(self.sightings.landmark, list(landmarks))))
 
-    def by_kind(self, track: float) -> Array:
-        """What of each way was on a curve, and of each turn was driven, shape (K, N, 2); `track` is from wheel to wheel (unit)."""
-        whole, told = self.told[:, :, :2], self.told[:, :, 2:]
-        looks = np.stack(kinds(whole[:, :, 0], whole[:, :, 1], track), axis=2) * whole
-        return np.where(np.isnan(told), looks, told)
-
 
 def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool = True) -> Drives:
     """The readings of a team as arrays. `compass` is the sigma (rad) of a heading that comes without one.
@@ -124,9 +117,9 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
         for name, one in sorted(by_tick[tick].items()):
             n, dt = number[f"robot/{name}"], float(times[k] - times[k - 1]) if k else 0.0
             if one.odometry is not None and k:
-                by_kind = one.odometry.curved, one.odometry.driven
+                parts = one.odometry.curved, one.odometry.driven
                 told[k, n, :2] = one.odometry.distance, one.odometry.turn
-                told[k, n, 2:] = [math.nan if part is None else part for part in by_kind]
+                told[k, n, 2:] = [math.nan if part is None else part for part in parts]
                 measured[k, n] = one.odometry.dt > dt / 2
             if trusted and one.fix is not None:
                 fixes.append((k, n, *one.fix.position, one.fix.sigma))

@@ -7,6 +7,7 @@ import numpy as np
 
 from blackboard.calibrate.chain import Factors
 from blackboard.calibrate.drives import Drives, SightingRows
+from blackboard.opinion.gaussian.vehicle import curved_and_driven
 from blackboard.opinion.grid import Array
 
 WAY, CURVED_WAY, TURN, DRIVEN_TURN, DRIFT, LAG, RANGE, RANGE_BIAS, BEARING = range(9)
@@ -69,7 +70,7 @@ class Model:
         """Add up the commands: way, way on a curve, turn, driven turn, time in motion, each until the end of each tick."""
         told = self.drives.told
         way, turn = told[:, :, 0], told[:, :, 1]
-        curved, driven = np.moveaxis(self.drives.by_kind(self.track), 2, 0)
+        curved, driven = curved_and_driven(way, turn, (told[:, :, 2], told[:, :, 3]), self.track)
         moving = ((np.abs(way) > EPSILON) | (np.abs(turn) > EPSILON)) * self.drives.dt[:, None]
         rows = np.stack([way, curved, turn, driven, moving], axis=2)
         object.__setattr__(self, "_sums", np.cumsum(rows, axis=0))

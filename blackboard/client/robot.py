@@ -16,6 +16,7 @@ from blackboard.client.arguments import Call, shown
 from blackboard.client.membership import Membership
 from blackboard.opinion.classes import LANDMARK
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import upper
 from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Sighting
@@ -206,8 +207,8 @@ class Robot(Membership):
         size = 3 if known.shape(position) == (3,) else 2
         values = known.numbers("position", position, (size,))
         matrix = known.covariance("covariance", covariance, size)
-        kind, upper = ("position", "pose")[size - 2], tuple(matrix[np.triu_indices(size)].tolist())
-        self._tell(own=None, seen=(Seen(kind=kind, values=values, covariance=upper, **common),))
+        kind = ("position", "pose")[size - 2]
+        self._tell(own=None, seen=(Seen(kind=kind, values=values, covariance=upper(matrix), **common),))
 
     # --- a filter of one's own ----------------------------------------------------------------------------------------
 

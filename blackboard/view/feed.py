@@ -56,9 +56,8 @@ class Feed:
         link.watch(key_expr)
         link.subscribe(key_expr)
         at = now()
-        self.hear_envelopes(
-            [(at, envelope) for envelope in in_order(link.get(key_expr))]
-        )  # what was settled before this came
+        # What was settled before this came.
+        self.hear_envelopes([(at, envelope) for envelope in in_order(link.get(key_expr))])
 
     @property
     def now(self) -> float:

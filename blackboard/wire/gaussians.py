@@ -11,8 +11,8 @@ from blackboard.errors import Refused
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.relation import Bias, Relative, measured, triangle, upper_indices
-from blackboard.opinion.gaussian.vehicle import POSE, STATES, TRACK, Motion, Nuisance, kinds
+from blackboard.opinion.gaussian.relation import Bias, Relative, measured, triangle, upper
+from blackboard.opinion.gaussian.vehicle import POSE, STATES, TRACK, Motion, Nuisance, curved_and_driven
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import (
     FORMER,
@@ -30,7 +30,6 @@ from blackboard.wire.evidence import (
 from blackboard.wire.messages import Odometry
 from blackboard.wire.types import LARGEST
 
-THERE_AND_BACK = 1e3  # unit or radians: by so much a part of a step may be more than the step in all
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
 
 
@@ -177,19 +176,14 @@ def unpack_motion(packed: PackedMotion) -> Motion:
     return Motion(*(value for _, value in packed))
 
 
-def by_kind(told: Odometry, track: float = TRACK) -> tuple[float, float]:
+def parts_of(odometry: Odometry, track: float = TRACK) -> tuple[float, float]:
     """What of the distance was driven on a curve (unit), and what of the turn while driving (radians).
 
     Where the odometry does not tell it, it is judged by the whole step, and the distance between the wheels, `track` (unit).
     """
-    curved, driven = kinds(told.distance, told.turn, track)
-    return _part(told.curved, told.distance, float(curved)), _part(told.driven, told.turn, float(driven))
-
-
-def _part(told: float | None, whole: float, share: float) -> float:
-    """A part of a sum as it was told, or else a share. Of ways there and back it may be more than the sum, but not without bound."""
-    most = abs(whole) + THERE_AND_BACK
-    return share * whole if told is None else min(most, max(-most, told))
+    told = (np.nan if part is None else part for part in (odometry.curved, odometry.driven))
+    curved, driven = curved_and_driven(odometry.distance, odometry.turn, tuple(told), track)
+    return float(curved), float(driven)
 
 
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
@@ -235,7 +229,7 @@ def _row(values: Array) -> tuple[float, ...]:
 
 
 def _upper(matrix: Array) -> tuple[float, ...]:
-    return _row(matrix[upper_indices(len(matrix))])
+    return upper(np.clip(matrix, -LARGEST, LARGEST))
 
 
 def _whole(row: Sequence[float]) -> Array:
@@ -245,16 +239,16 @@ def _whole(row: Sequence[float]) -> Array:
     return whole
 
 
-def _symmetric(upper: Sequence[float], field: str) -> Array:
+def _symmetric(triangular: Sequence[float], field: str) -> Array:
     """The matrix of all states: those that were not sent are exactly 0."""
-    matrix = _matrix(upper, field)
+    matrix = _matrix(triangular, field)
     whole = np.zeros((STATES, STATES))
     whole[: len(matrix), : len(matrix)] = matrix
     return whole
 
 
-def _matrix(upper: Sequence[float], field: str) -> Array:
-    matrix = triangle(upper)
+def _matrix(triangular: Sequence[float], field: str) -> Array:
+    matrix = triangle(triangular)
     scale = np.sqrt(np.abs(np.diag(matrix)))
     scaled = matrix / np.outer(scale + (scale == 0), scale + (scale == 0))
     values = np.linalg.eigvalsh(scaled)

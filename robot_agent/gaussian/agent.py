@@ -107,9 +107,8 @@ class JointAgent:
         evidence = pack_evidence(
             told.epoch, told.travelled, nuisance, told.belief, told.unsent, told.relatives, returned
         )
-        if told.belief is None and isinstance(
-            self.filter, Given
-        ):  # it has none to begin with, and looks for its place itself
+        # It has none to begin with, and looks for its place itself.
+        if told.belief is None and isinstance(self.filter, Given):
             self._time = readings.time
             return [], Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
         if told.belief is None:

@@ -19,10 +19,8 @@ QUANTILE = 0.3  # of the absolute second differences
 #: That quantile for white noise of unit variance: 0.3853 of a standard normal, times the sigma of a second difference.
 PER_SIGMA = 0.3853 * math.sqrt(6)
 SECOND = 1.0 - 1e-6  # seconds over which a turn is summed before it is compared with the noise
-SIGNIFICANT = (
-    2.0,
-    3.0,
-)  # sigmas of the noise of that sum: below the first a turn is not significant, above the second fully
+# Sigmas of the noise of that sum: below the first a turn is not significant, above the second fully.
+SIGNIFICANT = 2.0, 3.0
 
 
 @dataclass
@@ -31,9 +29,8 @@ class Jitter:
 
     #: Turn (radians) and duration (s) of the ticks of the last second in motion.
     _turns: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    _changes: deque[float] = field(
-        default_factory=lambda: deque(maxlen=REMEMBERED)
-    )  # second differences, rad / sqrt(s)
+    # Second differences, rad / sqrt(s).
+    _changes: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
 
     def significance(self, told: Odometry) -> float:
         """Take an odometry; returned is which share of its turn the scale may be learned from, 0 to 1."""

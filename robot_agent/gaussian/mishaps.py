@@ -15,9 +15,8 @@ from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, drive
 #: The measurements of place in a tick (landmarks, the fix), linearised at a joint; the motions are those of the tick, by robot.
 Told = Callable[[Joint, Mapping[str, Motion]], Sequence[Factor]]
 
-STOOD = Motion(
-    along=0.02**2, across=0.02**2, heading=0.02**2
-)  # how far a robot that is stuck may have come all the same
+# How far a robot that is stuck may have come all the same.
+STOOD = Motion(along=0.02**2, across=0.02**2, heading=0.02**2)
 SURE = 12.0  # by so much smaller must the squared distances be of a robot that stood: odds of 400 to 1
 LONGEST = 10.0  # seconds since landmarks last fitted: later, nothing is said of what happened
 

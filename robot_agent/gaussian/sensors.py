@@ -23,7 +23,7 @@ from blackboard.opinion.classes import LANDMARK, is_class
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import TRACK, Motion, Nuisance
 from blackboard.wire.evidence import Seen
-from blackboard.wire.gaussians import by_kind
+from blackboard.wire.gaussians import parts_of
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from robot_agent.config import OdometrySection, RobotSection
 from robot_agent.sensing import SEEN_FROM, SEEN_TO, position_sigma
@@ -75,7 +75,7 @@ class Wheels:
         if before is not None:
             rise = told.distance / told.dt - before.distance / before.dt
             change = told.turn / told.dt - before.turn / before.dt
-        curved, driven = by_kind(told, self.track)
+        curved, driven = parts_of(told, self.track)
         along = self.along**2 * time + self.way**2 * abs(told.distance)
         heading = self.heading**2 * time + self.turning**2 * abs(told.turn) + (self.starting * change) ** 2
         distance, turn = told.distance + (self.curved - 1) * curved, told.turn + (self.driven - 1) * driven
@@ -170,9 +170,8 @@ class Sensors:
     camera: Camera = Camera()
     compass: float = 0.03  # radians, for one reading
     ranging: tuple[Bias, ...] = ()  # lasting errors of ranges alone, of each pair
-    landmarks: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict
-    )  # the map: `landmark/door` -> where it stands
+    # The map: `landmark/door` -> where it stands.
+    landmarks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def relative(self, robot: str, seen: Seen) -> Relative:
         """A sighting of a further kind that is known here as a relative belief, by the robot's model where it says no errors."""

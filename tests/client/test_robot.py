@@ -284,9 +284,8 @@ def test_a_time_of_another_clock_is_named(endpoint: str) -> None:
         with pytest.raises(
             ValueError, match=r"^step\(time=.*\): is \d.\d s ahead of team time; boards take at most 1 s$"
         ):
-            robot.step(
-                time=robot.time + 5
-            )  # before, it seemed to have driven unmeasured, and looked for its place for good
+            # Before, it seemed to have driven unmeasured, and looked for its place for good.
+            robot.step(time=robot.time + 5)
         assert robot.step() is not None
 
 

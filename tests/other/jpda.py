@@ -29,8 +29,9 @@ from stonesoup.updater.kalman import KalmanUpdater
 
 from blackboard.config.world import WorldVisionSection
 from blackboard.opinion.classes import is_class
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.wire.messages import Readings, Truth
-from sim_world.sensors import FAR, NEAR, vision_sigma, wrap
+from sim_world.sensors import FAR, NEAR, vision_sigma
 
 EPOCH = datetime(2026, 1, 1)
 FIRST_SEEN = 3  # sightings that make a track

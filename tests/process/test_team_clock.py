@@ -240,9 +240,8 @@ def test_a_world_that_is_gone_and_silent_is_given_up(mode: str) -> None:
     assert (clock.pace, clock.time(NOW + 6.0)) == (Pace.FREE, NOW + 6.0)
     world(clock, Kind.ALIVE, NOW + 7.0)
     assert clock.pace is Pace.WAITING
-    assert (
-        clock.hear_clock(clock_message(3, mode), NOW + 7.0) is News.RUN
-    )  # also of the same run: what was said since is Unix time
+    # Also of the same run: what was said since is Unix time.
+    assert clock.hear_clock(clock_message(3, mode), NOW + 7.0) is News.RUN
 
 
 def test_the_clocks_of_a_world_that_is_gone_do_not_keep_it() -> None:

@@ -21,7 +21,7 @@ from blackboard.lab.team import Team, played
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.run.flags import RecordingFlags
-from blackboard.wire.gaussians import by_kind
+from blackboard.wire.gaussians import parts_of
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from examples.field.world import Truth, World
 from robot_agent.config import RobotSection
@@ -54,7 +54,7 @@ def driven(way: float = 1.0, arc: float = 1.0, turn: float = 1.0, drift: float =
     """Odometry that reports so many times each way and turn, and `drift` rad/s more while the robot moves."""
 
     def spoilt(odometry: Odometry, random: Random) -> Odometry:
-        curved, driven = by_kind(odometry)
+        curved, driven = parts_of(odometry)
         more = drift * odometry.dt if moving(odometry) else 0.0
         told = {"distance": way * odometry.distance, "turn": turn * (odometry.turn + (arc - 1) * driven) + more}
         return odometry.model_copy(update=told | {"curved": way * curved, "driven": turn * arc * driven})

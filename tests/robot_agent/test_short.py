@@ -73,9 +73,8 @@ def test_an_increment_says_nearly_the_same_and_nothing_where_it_said_nothing(see
     joint = Joint()
     joint.add("robot/r1", before)
     first, second = (likelihood(joint, "robot/r1", increment) for increment in (whole, unpacked))
-    assert len(present(second).residual) <= len(
-        present(first).residual
-    )  # no direction is added: the gate's degrees of freedom stay
+    # No direction is added: the gate's degrees of freedom stay.
+    assert len(present(second).residual) <= len(present(first).residual)
 
 
 def test_each_number_of_an_increment_takes_five_bytes_at_most() -> None:

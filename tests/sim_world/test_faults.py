@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from blackboard.config import Scenario
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.wire.messages import Readings
 from sim_world.faults import Faulted
-from sim_world.sensors import wrap
 from sim_world.sources import open_sensor_source
 
 TABLES: dict[str, Any] = {

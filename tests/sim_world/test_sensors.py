@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.config.world import GAINS, WorldOdometrySection, WorldVisionSection
-from sim_world.sensors import Odometer, see, vision_sigma, wrap
+from sim_world.sensors import Odometer, see, vision_sigma
 
 PAPER = WorldVisionSection(preset="paper")
 
@@ -112,9 +112,3 @@ def test_a_fix_is_off_by_what_it_says() -> None:
     errors = np.array([fix.position for fix in fixes]) - (10.0, 20.0)
     assert np.allclose(errors.std(axis=0), 0.7, rtol=0.05)
     assert np.allclose(errors.mean(axis=0), 0, atol=0.05)
-
-
-@given(angle=st.floats(-1e3, 1e3))
-def test_wrapping_keeps_the_direction(angle: float) -> None:
-    assert -math.pi <= wrap(angle) < math.pi
-    assert math.cos(wrap(angle) - angle) == pytest.approx(1.0)

@@ -4,10 +4,9 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-import numpy as np
-
 from blackboard.bridges.ros.convert import Detection, PlanarPose
 from blackboard.errors import Refused
+from blackboard.opinion.gaussian.relation import upper
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from blackboard.wire.types import MAX_OPINIONS
@@ -70,13 +69,12 @@ class Driver:
         """
         is_pose = subject.startswith("robot/") and place.heading_sigma is not None
         size = 3 if is_pose else 2
-        upper = place.covariance[:size, :size][np.triu_indices(size)]
         try:
             seen = Seen(
                 subject=subject,
                 kind="pose" if is_pose else "position",
                 values=(place.x, place.y, place.yaw)[:size],
-                covariance=tuple(map(float, upper)),
+                covariance=upper(place.covariance[:size, :size]),
             )
         except ValueError:
             raise Refused("fields", f"{subject}: the covariance of x, y and yaw must be positive definite") from None
@@ -163,5 +161,6 @@ def _sighting(thing: Detection) -> Seen | Sighting:
         return Sighting(
             subject=thing.kind, range=math.hypot(x, y), bearing=math.atan2(y, x), confidence=thing.confidence
         )
-    upper = tuple(map(float, covariance[np.triu_indices(2)]))
-    return Seen(subject=thing.kind, kind="position", values=(x, y), covariance=upper, confidence=thing.confidence)
+    return Seen(
+        subject=thing.kind, kind="position", values=(x, y), covariance=upper(covariance), confidence=thing.confidence
+    )

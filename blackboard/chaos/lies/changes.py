@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from blackboard.opinion.belief import Belief, gaussian
+from blackboard.opinion.gaussian.relation import upper
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, wrap
 from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.arrays import pack, unpack
@@ -217,8 +218,7 @@ class Tells(Change):
         at = away * math.cos(bearing), away * math.sin(bearing)
         values = {"range": (away,), "bearing": (bearing,), "position": at, "pose": (*at, 0.0)}[self.kind]
         variances = [self.sigma**2] * len(values)
-        covariance = np.diag(variances)[np.triu_indices(len(values))]
-        return Seen(subject=subject, kind=self.kind, values=values, covariance=tuple(covariance.tolist()))
+        return Seen(subject=subject, kind=self.kind, values=values, covariance=upper(np.diag(variances)))
 
 
 @dataclass(frozen=True)
@@ -412,9 +412,9 @@ def _about(subject: str, belief: Belief, reports: Reports, scene: Scene) -> Repo
 
 def _increment(reference: Sequence[float], information: Array, vector: Array) -> PackedIncrement:
     states = len(reference)
-    upper = tuple(float(x) for x in np.clip(information[np.triu_indices(states)], -LARGEST, LARGEST))
+    information = np.clip(information[:states, :states], -LARGEST, LARGEST)
     return PackedIncrement(
-        reference=tuple(reference), information=upper, vector=tuple(float(x) for x in vector[:states])
+        reference=tuple(reference), information=upper(information), vector=tuple(vector[:states].tolist())
     )
 
 

@@ -18,15 +18,11 @@ T = TypeVar("T")
 
 CLEAR = 0.95  # of a posterior; of all that are taken fewer are wrong than one in twenty, because most are clearer
 MAX_CLUSTER = 10  # sightings, or subjects, whichever are fewer; in a larger cluster beliefs are propagated
-ROUNDS, CLOSE = (
-    100,
-    1e-6,
-)  # of belief propagation, at most; and how little (relative) its messages change once it is done
+# Of belief propagation, at most; and how little (relative) its messages change once it is done.
+ROUNDS, CLOSE = 100, 1e-6
 MOST = 1e20  # of a weight, so that the products of `MAX_CLUSTER` are finite
-STRANGE, FRAMES = (
-    1.0,
-    10.0,
-)  # things that are no known subject, in so many frames: what is expected before anything was seen
+# Things that are no known subject, in so many frames: what is expected before anything was seen.
+STRANGE, FRAMES = 1.0, 10.0
 CLASSES = 64  # of which it is known what an observer sees of them
 REMEMBERED = 100.0  # frames after which what was seen is half forgotten, and more
 

@@ -23,9 +23,8 @@ from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Joint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array
 
-FARTHEST = quantile(
-    GATE, 2
-)  # of |D|^2 by C: the 99.9 % quantile; at 90 % a robot that alone sees landmarks no longer led its mates
+# Of |D|^2 by C: the 99.9 % quantile; at 90 % a robot that alone sees landmarks no longer led its mates.
+FARTHEST = quantile(GATE, 2)
 MEMORY = 5.0  # seconds after which what a robot has moved, and no other has corrected, counts for 1/e
 FAINT = 0.01  # share of a place's variance that D may have without being counted: the models are no better
 MOST = 30_000  # numbers in all C: 19 robots, or 6 and 29 objects; in larger teams one counts for little, and this is left out
@@ -39,9 +38,8 @@ class Influence:
     _places: list[str] = field(default_factory=list)
     _moved: Array = field(default_factory=lambda: np.zeros((0, 0)))  # D, shape (sources, 2 places)
     _honest: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))  # C, shape (sources, 2 places, 2 places)
-    _went: dict[str, Array] = field(
-        default_factory=dict
-    )  # object -> how far it went as it was seen to move, shape (2,)
+    # Object -> how far it went as it was seen to move, shape (2,).
+    _went: dict[str, Array] = field(default_factory=dict)
 
     def copy(self) -> "Influence":
         """The same, which may be changed without changing this one."""

@@ -22,7 +22,7 @@ import numpy as np
 
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.relation import Profile, Relative
+from blackboard.opinion.gaussian.relation import Profile, Relative, triangle, upper
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, correct, drive
 from blackboard.opinion.grid import Array
 
@@ -97,11 +97,9 @@ class Limits:
         across = least / max(distance, self.sharpest) ** 2 if least else 0.0
         spread = relative.spread
         if spread:
-            rows = np.triu_indices(2 if relative.kind == "position" else 3)
-            covariance = np.zeros((rows[0][-1] + 1,) * 2)
-            covariance[rows] = covariance.T[rows] = spread
+            covariance = triangle(spread)
             blunted = self.blunted(covariance)
-            spread = spread if blunted is covariance else tuple(blunted[rows].tolist())
+            spread = spread if blunted is covariance else upper(blunted)
         sharp = relative.range_variance < least or relative.bearing_variance < across or spread is not relative.spread
         if not sharp and _floored(relative.profile, least) == relative.profile:
             return relative

@@ -162,17 +162,22 @@ def measured(
     return replace(sighting, range_variance=float(radial), bearing_variance=float(across) / max(distance, NEAREST) ** 2)
 
 
-def triangle(upper: Sequence[float]) -> Array:
+def triangle(values: Sequence[float]) -> Array:
     """The symmetric matrix of an upper triangle, row by row."""
-    size = math.isqrt(2 * len(upper))
-    rows, columns = upper_indices(size)
+    size = math.isqrt(2 * len(values))
+    rows, columns = _upper_indices(size)
     matrix = np.zeros((size, size))
-    matrix[rows, columns] = matrix[columns, rows] = upper
+    matrix[rows, columns] = matrix[columns, rows] = values
     return matrix + 0.0  # no negative zeros
 
 
+def upper(matrix: Array) -> tuple[float, ...]:
+    """The upper triangle of a matrix, row by row."""
+    return tuple(matrix[_upper_indices(len(matrix))].tolist())
+
+
 @lru_cache(maxsize=STATES)
-def upper_indices(size: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def _upper_indices(size: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """The rows and columns of an upper triangle, row by row; made once for each size."""
     rows, columns = np.triu_indices(size)
     return rows, columns

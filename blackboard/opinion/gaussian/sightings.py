@@ -177,9 +177,8 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
     factor, squared = team.weighed((observer, "relative"), factor, innovation, relative.noisier)
     by = team.outvoted(subject, observer) or team.outvoted(observer, subject)
     agrees = squared <= quantile(GATE, innovation.freedom) and not by and not team.contradict(observer, subject)
-    if not subject.startswith(
-        "robot/"
-    ):  # of two robots that contradict each other, the one that placed the object first is believed
+    # Of two robots that contradict each other, the one that placed the object first is believed.
+    if not subject.startswith("robot/"):
         agrees = agrees and not any(team.contacts.contradict(observer, o) for o in team.vouching(subject, observer))
     taken = agrees and not {observer, subject} & team.left_out
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody

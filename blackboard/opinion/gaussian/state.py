@@ -92,12 +92,10 @@ class TeamState:
     limits: Limits = field(default_factory=Limits)
     naming: Naming = field(default_factory=Naming)
     tracks: Tracks = field(default_factory=Tracks)
-    called: Mapping[str, Moments] = field(
-        default_factory=dict
-    )  # where a board that began earlier has tracks, by their names there
-    absent: dict[str, Absent] = field(
-        default_factory=dict
-    )  # named tracks when they were seen last, by name: to be found again
+    # Where a board that began earlier has tracks, by their names there.
+    called: Mapping[str, Moments] = field(default_factory=dict)
+    # Named tracks when they were seen last, by name: to be found again.
+    absent: dict[str, Absent] = field(default_factory=dict)
     rings: dict[str, Ring] = field(default_factory=dict)  # of objects of which only ranges or bearings alone are known
     elapsed: float = 0.0  # seconds that were settled
     rule: Coalition = field(default_factory=Coalition)  # chooses between evidence that contradicts each other

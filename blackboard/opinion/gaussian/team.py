@@ -96,9 +96,8 @@ class TeamJoint(TeamState):
             with self.blaming(robot):
                 multiply(self, news[robot])
         apart = seen_by_one(self) if self.limits.sharpest else frozenset()
-        alone = self.influence.is_counted(
-            len(self.known)
-        )  # what each robot moves is known where its sightings are taken alone
+        # Only where the sightings of each robot are taken alone is it known what it moves.
+        alone = self.influence.is_counted(len(self.known))
         for part in ([evidence] for evidence in news.values()) if alone else batches(news.values()):
             see(self, part, motions, heard, apart=apart)
         self._take_unnamed(all_news, motions, heard)

@@ -27,10 +27,8 @@ from blackboard.opinion.gaussian.assignment import CLASSES, CLEAR, FRAMES, Rate,
 FOR, AGAINST = 10.0, -5.0
 MEMORY = 2.0  # seconds after which a frame without it counts for 1/e: what hides a thing is past by then
 STAYS = 60.0  # seconds for which something is there, in the mean: nobody sees it leave where nobody looks
-SEEN, HIDDEN = (
-    20.0,
-    2.0,
-)  # seconds for which an observer can see a thing, and then not: who crosses its way is past by then
+# Seconds for which an observer can see a thing, and then not: who crosses its way is past by then.
+SEEN, HIDDEN = 20.0, 2.0
 VISIBLE = SEEN / (SEEN + HIDDEN)
 LIKELY = 0.5  # of what is likelier so than not
 NAMED = 0.99  # of existence: from there on a track has a name, and fewer than one in a hundred is false
@@ -186,13 +184,11 @@ class Tracks:
     label: str = ""  # of the names that are given here, before the number
     _tracks: dict[str, Track] = field(default_factory=dict)  # by the name of their block in the joint
     _views: dict[tuple[str, str], View] = field(default_factory=dict)  # by observer and class
-    _real: dict[tuple[str, str], Rate] = field(
-        default_factory=dict
-    )  # the same: of the tracks begun, those that got a name
+    # The same: of the tracks begun, those that got a name.
+    _real: dict[tuple[str, str], Rate] = field(default_factory=dict)
     _numbers: dict[str, int] = field(default_factory=dict)  # class -> the last number that was given
-    _before: dict[str, int] = field(
-        default_factory=dict
-    )  # how names begin -> the last number that was given before this board started
+    # How names begin -> the last number that was given before this board started.
+    _before: dict[str, int] = field(default_factory=dict)
     _over: tuple[str, ...] = ()  # the names of those that are over, the newest last
     _begun: int = 0
 

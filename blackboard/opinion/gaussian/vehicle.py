@@ -27,6 +27,7 @@ AXES = slice(0, 2)  # the position
 POSE = slice(0, 3)
 ANYWHERE = math.pi**2 / 3  # radians ** 2: the variance of a heading of which nothing is known
 TRACK = 0.26  # unit: the distance between the wheels, where none is given
+THERE_AND_BACK = 1e3  # unit or radians: by so much a part of a step may be more than the step in all
 CURVED, SPINNING = 0.3, 0.6  # shares (`kinds`) from which on a way is a curve, and a turn begins to be one on the spot
 Angle = TypeVar("Angle", float, Array)
 # The share of its speed by which a robot may go faster or slower, or aside, than in the tick before or after.
@@ -122,6 +123,23 @@ def kinds(way: float | Array, turn: float | Array, track: float = TRACK) -> tupl
     total = np.abs(way) + against
     share = against / np.maximum(total, np.finfo(float).tiny)
     return np.minimum(1.0, share / CURVED), np.minimum(1.0, (1 - share) / (1 - SPINNING))
+
+
+def curved_and_driven(
+    way: float | Array, turn: float | Array, told: Sequence[float | Array], track: float = TRACK
+) -> tuple[Array, Array]:
+    """What of a way was on a curve (unit), and what of a turn while driving (radians).
+
+    `told` is both as they were measured; where that is NaN, `kinds` says it. `track` is the distance between the wheels (unit).
+    Of ways there and back a part may be more than the whole, but not without bound.
+    """
+    on_curve, while_driving = kinds(way, turn, track)
+    return _part(way, told[0], on_curve), _part(turn, told[1], while_driving)
+
+
+def _part(whole: float | Array, told: float | Array, share: Array) -> Array:
+    most = np.abs(whole) + THERE_AND_BACK
+    return np.where(np.isnan(told), share * whole, np.clip(told, -most, most))
 
 
 def meant(state: Array, motion: Motion) -> tuple[float, float, float, Array]:

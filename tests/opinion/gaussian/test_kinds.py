@@ -76,10 +76,8 @@ def test_each_kind_has_the_derivatives_that_it_says(kind: Kind, seed: int) -> No
 def test_a_position_is_a_range_and_a_bearing_where_its_errors_lie_along_and_across(wide: bool, seed: int) -> None:
     chance = np.random.default_rng(seed)
     joint = two_robots(chance, scale=1.0 if wide else 0.05)
-    distance, bearing = (
-        math.hypot(2.0, 0.7),
-        chance.uniform(-3, 3),
-    )  # as expected: its errors are as large as those that it says
+    # As expected: its errors are as large as those that it says.
+    distance, bearing = math.hypot(2.0, 0.7), chance.uniform(-3, 3)
     polar = Relative("robot/r0", "robot/r1", distance, bearing, 0.04, 0.01, 0.0, (Bias(0.1, 7.0),))
     c, s = math.cos(bearing), math.sin(bearing)
     frame = np.array([[c, -s], [s, c]])
