@@ -17,9 +17,9 @@ import robot
 import start
 import team
 import wire
-from ratios import Row
+from ratios import Measured
 
-SCRIPTS: dict[str, Callable[[], Iterator[Row]]] = {
+SCRIPTS: dict[str, Callable[[], Iterator[Measured]]] = {
     "pools": pools.rows,
     "wire": wire.rows,
     "board": board.rows,

@@ -19,7 +19,7 @@ from pathlib import Path
 import msgpack  # type: ignore[import-untyped,unused-ignore]
 import numpy as np
 from programs import program
-from ratios import Row, show
+from ratios import Measured, show
 
 from blackboard import Grid
 from blackboard.net.link import Link
@@ -64,7 +64,7 @@ def hold(link: Link, team: str) -> None:
         link.token(keys.MEMBER.key(team=team, sub_team="a", robot=robot))
 
 
-class Team:
+class Speakers:
     """The world and its robots: what they say in a tick, and what comes back."""
 
     def __init__(self, link: Link, side: int) -> None:
@@ -161,7 +161,7 @@ class Team:
         return len(delays) / ticks, early, late
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[Measured]:
     for side, hertz in ((50, 20.0), (200, 5.0)):
         with ExitStack() as stack:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -177,7 +177,7 @@ def rows() -> Iterator[Row]:
             )
             stack.enter_context(program(__file__, "relay", endpoint))
             link = stack.enter_context(Link(LinkConfig(connect=(endpoint,)), "world"))
-            team = Team(link, side)
+            team = Speakers(link, side)
             link.token(keys.WORLD.key(team="bench"))
             for name in ("bench", "there"):
                 hold(link, name)
@@ -195,23 +195,25 @@ def rows() -> Iterator[Row]:
             about = f"{side} x {side}, 8 robots, 10 subjects"
             for name, share in (("median", 50), ("95 %", 95)):
                 own, relayed = np.percentile(waits, share, axis=0)
-                yield Row(f"from the last report to the last consensus, {name}, {about}", own, "ms")
-                yield Row(f"the same reports through a relay in Python, {name}", relayed, "ms")
+                yield Measured(f"from the last report to the last consensus, {name}, {about}", own, "ms")
+                yield Measured(f"the same reports through a relay in Python, {name}", relayed, "ms")
                 if name == "median":
                     work = 1e3 * spent / ROUNDS  # of the board in a tick: reading the reports, and pooling
-                    yield Row(
+                    yield Measured(
                         "that latency / (twice the relay's and the board's own work)",
                         own / (2 * relayed + work),
                         most=1.0,
                     )
-                    yield Row("that latency / (twice the relay's)", own / (2 * relayed))
-            yield Row(f"reports a second and core of the board, {about}", ROUNDS * len(team.beliefs) / spent, "1/s")
-            yield Row(f"ticks a second and core of the board, {about}", ROUNDS / spent, "Hz", least=hertz)
+                    yield Measured("that latency / (twice the relay's)", own / (2 * relayed))
+            yield Measured(
+                f"reports a second and core of the board, {about}", ROUNDS * len(team.beliefs) / spent, "1/s"
+            )
+            yield Measured(f"ticks a second and core of the board, {about}", ROUNDS / spent, "Hz", least=hertz)
             for rate in (hertz / 4, hertz):
                 settled, early, late = team.at_rate(rate)
-                yield Row(f"real time at {rate:g} Hz, {about}: share of the ticks settled", 100 * settled, "%")
-                yield Row(f"real time at {rate:g} Hz: delay in the first third of {SECONDS:g} s", early, "s")
-                yield Row(f"real time at {rate:g} Hz: delay in the last third", late, "s")
+                yield Measured(f"real time at {rate:g} Hz, {about}: share of the ticks settled", 100 * settled, "%")
+                yield Measured(f"real time at {rate:g} Hz: delay in the first third of {SECONDS:g} s", early, "s")
+                yield Measured(f"real time at {rate:g} Hz: delay in the last third", late, "s")
 
 
 if __name__ == "__main__":

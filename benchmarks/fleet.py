@@ -5,39 +5,31 @@ with each: a ball, which only the first team sees, and a can, which all see. Rob
 their own, byte by byte, so that sizes, sightings and covariances are theirs. What they hear changes nothing that they say.
 
 Each team has a bus of its own, as it would have a router; what passes between teams waits for the next `STEP`. Processor time is
-that of boards and shares, without Zenoh. `--costs` measures real boards behind a real router instead, for `blackboard plan`.
+that of boards and shares, without Zenoh. `costs.py` measures a real board behind a real router.
 """
 
 import argparse
 import gc
 import itertools
-import json
 import math
 import resource
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
-from programs import program
 
 from blackboard.board.service import BoardService
 from blackboard.client.share import Share
 from blackboard.config import BoardSection, Scenario, load
 from blackboard.lab.team import Team
-from blackboard.net.link import Link
 from blackboard.net.scheduler import BEGIN, Scheduler
-from blackboard.net.settings import LinkConfig
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.process.columns import markdown_table
 from blackboard.process.service import Around, Quiet, Service
-from blackboard.run.launch import free_port
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, open_envelope
@@ -49,13 +41,11 @@ SIZES = (64, 512, 4096, 10_000)
 SIZE = 8  # robots of a team, and teams that share with one team above them
 STEP = 0.05  # seconds: the longest way from one team to another
 WARM, COUNTED = 10, 2  # seconds: until every team knows of the ball, and that are counted then
-EARLY, TIMED = 3.5, 20.0  # seconds: until one team alone is under way, and of which processes are timed
 DEAD, HEALED = 14.0, 12.0  # seconds: longer than a belief lasts, and until all know of it again
 SEEN = "object/ball"  # by the first team alone
 SHARED = (SEEN, "object/can")
 FRESH = 1.5  # seconds: boards agree once a second
 GRID = Grid((50, 50))
-SETTLED = 0.95  # of the ticks: a board that left more out has not done the work that is fitted
 GOLDEN = 0.618034  # of a tick, by which each team ticks later than the one before, so that no two tick at once
 
 Said = list[tuple[float, Envelope]]  # when, in Unix seconds, and what
@@ -65,7 +55,7 @@ Said = list[tuple[float, Envelope]]  # when, in Unix seconds, and what
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedRun:
     """A run of the demo's robots in one sub-team: what they and their world said, and the key expressions that one of them hears."""
 
     scenario: Scenario
@@ -92,7 +82,7 @@ class Recorded(Around):
         return out
 
 
-def record(robots: int, fusion: str, seconds: float, subject: str = "ball") -> Recording:
+def record(robots: int, fusion: str, seconds: float, subject: str = "ball") -> RecordedRun:
     """Let the demo's robots run at 1 Hz, with its ball under the name `seen`."""
     names = [f"r{i + 1}" for i in range(robots)]
     demo = load("demo").changed("team", name="fleet", sub_teams={"a": names}).changed("board", fusion=fusion)
@@ -105,7 +95,7 @@ def record(robots: int, fusion: str, seconds: float, subject: str = "ball") -> R
         lambda envelope: world.append((team.now, envelope)) if keys.CLOCK.match(envelope.key) else None
     )
     team.run()
-    return Recording(scenario, said, world, team.robots[names[0]].listens)
+    return RecordedRun(scenario, said, world, team.robots[names[0]].listens)
 
 
 class Voice(Quiet):
@@ -200,7 +190,7 @@ class Ear(Quiet):
 
 
 @dataclass(frozen=True)
-class Knows:
+class Knowledge:
     """What a team agrees on about the ball."""
 
     age: float  # seconds since the newest sighting in it
@@ -213,7 +203,7 @@ class Knows:
 class Fleet:
     """Teams in step, joined by shares from one team to another. Those of `recordings` have robots, the first name sees the ball."""
 
-    def __init__(self, recordings: Mapping[str, Recording], shares: Iterable[tuple[str, str]]) -> None:
+    def __init__(self, recordings: Mapping[str, RecordedRun], shares: Iterable[tuple[str, str]]) -> None:
         self.now, self.recordings, pairs = BEGIN, recordings, list(shares)
         self.teams = {name: Scheduler() for name in sorted({*recordings, *(name for pair in pairs for name in pair)})}
         self.boards: dict[str, Counted] = {}
@@ -267,14 +257,14 @@ class Fleet:
         for service in (*self.boards.values(), *self.robots.values(), *(mouth for mouth, _ in self.shares.values())):
             service.spent = Spent()
 
-    def knows(self, name: str) -> Knows | None:
+    def knows(self, name: str) -> Knowledge | None:
         """What a team agreed on about the ball in the last second; None: nothing."""
         at, payload = self._balls.get(name, (-math.inf, b""))
         if at < self.now - FRESH:
             return None
         consensus = decode(Consensus, payload)
         gathered = max(until for robot, until in consensus.ancestors.items() if not robot.startswith(VIA))
-        return Knows(consensus.time - gathered + self.now - at, entropy(unpack(consensus.belief).p))
+        return Knowledge(consensus.time - gathered + self.now - at, entropy(unpack(consensus.belief).p))
 
 
 def tree(teams: int) -> dict[str, str]:
@@ -286,7 +276,7 @@ def tree(teams: int) -> dict[str, str]:
     return above
 
 
-def planted(above: Mapping[str, str], recordings: Sequence[Recording]) -> Fleet:
+def planted(above: Mapping[str, str], recordings: Sequence[RecordedRun]) -> Fleet:
     """A tree that shares both ways; its first team is that of the first recording, and sees the ball."""
     first, others = recordings
     names = [name for name in above if name.startswith("t0.")]
@@ -302,7 +292,7 @@ def way(above: Mapping[str, str], name: str) -> list[str]:
 # --- what is measured -------------------------------------------------------------------------------------------------
 
 
-def grown(robots: int, recordings: Sequence[Recording]) -> tuple[list[list[str]], list[list[str]]]:
+def grown(robots: int, recordings: Sequence[RecordedRun]) -> tuple[list[list[str]], list[list[str]]]:
     """What a tree with so many robots costs in a second, and what its teams know of the ball, by the shares on the way."""
     began, worked = time.perf_counter(), time.process_time()
     above = tree(robots // SIZE)
@@ -310,7 +300,7 @@ def grown(robots: int, recordings: Sequence[Recording]) -> tuple[list[list[str]]
     gc.freeze()  # else boards are charged for walks through all the others
     up, down = way(above, "t0.0"), way(above, f"t0.{robots // SIZE - 1}")
     path = [*up, *reversed(down[:-1])]
-    known: dict[str, list[Knows]] = {name: [] for name in path}
+    known: dict[str, list[Knowledge]] = {name: [] for name in path}
     for second in range(WARM + COUNTED):
         if second <= WARM:
             fleet.count_anew()
@@ -362,7 +352,7 @@ def grown(robots: int, recordings: Sequence[Recording]) -> tuple[list[list[str]]
     return [list(row) for row in zip(*rows, strict=True)], table
 
 
-def died(recordings: Sequence[Recording]) -> list[str]:
+def died(recordings: Sequence[RecordedRun]) -> list[str]:
     """A node in the middle dies and comes back: until when others know of the ball, and from when on again."""
     above = tree(SIZE**2)
     fleet, middle = planted(above, recordings), above["t0.0"]
@@ -392,7 +382,7 @@ def died(recordings: Sequence[Recording]) -> list[str]:
     return lines
 
 
-def circle(recordings: Sequence[Recording]) -> str:
+def circle(recordings: Sequence[RecordedRun]) -> str:
     """Teams that tell each other in a circle, against the same ones where the last does not tell the first."""
     first, others = recordings
     names = [f"t{i}" for i in range(SIZE)]
@@ -412,84 +402,6 @@ def circle(recordings: Sequence[Recording]) -> str:
     return f"a circle of {SIZE} teams is surer of the ball than a line, at most, by {gained:.3g} nats"
 
 
-# --- real processes ---------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Of a tick of one team without shares, in real time at 1 Hz."""
-
-    board: float  # ms of the processor, of the board's process
-    router: float  # the same
-    out: float  # kB of all robots
-    into: float  # kB into one robot
-    settled: float  # share of the ticks
-
-
-def cost(robots: int, fusion: str) -> Cost:
-    """Processor time of a real board and router; bytes as in virtual time."""
-    recording = record(robots, fusion, EARLY + TIMED)
-    alone = Fleet({"fleet": recording}, [])
-    alone.run(EARLY)
-    alone.count_anew()
-    alone.run(TIMED)
-    crew, endpoint = alone.robots["fleet"], f"tcp/127.0.0.1:{free_port()}"
-    assert isinstance(crew.inner, Voice)
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        file = Path(folder) / "fleet.toml"
-        tables = recording.scenario.tables
-        file.write_text(
-            "\n".join(f"[{section}]\n" + _toml(tables[section], "\n") for section in ("team", "grid", "board"))
-        )
-        router = stack.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
-        serve = ("-m", "blackboard", "serve", "--scenario", str(file), "--sub-team", "a", "-e", endpoint)
-        board = stack.enter_context(program(*serve))
-        link = stack.enter_context(Link(LinkConfig(connect=(endpoint,)), "fleet"))
-        for token in (keys.WORLD.key(team="fleet"), *crew.tokens):
-            link.token(token)
-        link.subscribe(keys.AGREED.key(team="fleet", sub_team="a", subject="robot/r1"))
-        said = sorted([*recording.world, *recording.robots], key=lambda pair: pair[0])
-        begin = time.monotonic() - BEGIN
-        _play(link, [pair for pair in said if pair[0] < BEGIN + EARLY], begin)
-        before = board.processor_seconds(), router.processor_seconds()
-        settled = _play(link, [pair for pair in said if BEGIN + EARLY <= pair[0] < BEGIN + EARLY + TIMED], begin)
-        spent = [
-            1e3 * (process.processor_seconds() - was) for process, was in zip((board, router), before, strict=True)
-        ]
-    of = crew.spent
-    return Cost(*(number / TIMED for number in (*spent, of.out / 1e3, of.into / 1e3, settled)))
-
-
-def _play(link: Link, said: Said, begin: float) -> int:
-    """Send each at its time, which `begin` makes one of this process; how many ticks were settled meanwhile."""
-    settled = 0
-    for at, envelope in said:
-        while (left := begin + at - time.monotonic()) > 0:
-            settled += sum(answer.kind is Kind.PUT for answer in link.receive(left))
-        link.send(envelope)
-    return settled
-
-
-def _toml(value: object, between: str = ", ") -> str:
-    """What stands in a table of a scenario, or with braces a value in it."""
-    if not isinstance(value, dict):
-        return json.dumps(value)
-    text = between.join(f"{key} = {_toml(item)}" for key, item in value.items())
-    return text if between == "\n" else f"{{{text}}}"
-
-
-def fitted(costs: Mapping[int, float]) -> tuple[float, float]:
-    """The a and b of a n + b n^2, least squares of the relative errors; neither is negative."""
-    n, value = np.array([*costs], dtype=float), np.array([*costs.values()])
-    rows = np.stack([n, n**2], axis=1) / value[:, None]
-    both = np.linalg.lstsq(rows, np.ones(len(n)), rcond=None)[0]
-    if (both >= 0).all():
-        return float(both[0]), float(both[1])
-    alone = rows.sum(axis=0) / (rows**2).sum(axis=0)
-    errors = ((rows * alone - 1) ** 2).sum(axis=0)
-    return (float(alone[0]), 0.0) if errors[0] < errors[1] else (0.0, float(alone[1]))
-
-
 # --- all together -----------------------------------------------------------------------------------------------------
 
 TOLD = ("robots", "shares on the way", "team", "mean age, s", "entropy at the end, nats")
@@ -500,17 +412,7 @@ def main() -> None:
     parser.add_argument("--fusion", choices=("opinions", "joint"), default="opinions", help="of the teams with robots")
     parser.add_argument("--robots", type=int, nargs="*", default=SIZES, help="sizes of the tree; none: no tree")
     parser.add_argument("--trouble", action="store_true", help="a node that dies, and a circle of teams")
-    parser.add_argument("--costs", type=int, nargs="*", default=(), help="sizes of one team, with real processes")
     args = parser.parse_args()
-    if args.costs:
-        by_size = {}
-        for robots in args.costs:
-            by_size[robots] = cost(robots, args.fusion)
-            print(f"{robots} robots: {by_size[robots]}", flush=True)
-        timely = {robots: measured for robots, measured in by_size.items() if measured.settled > SETTLED}
-        print("board, ms:", fitted({robots: measured.board for robots, measured in timely.items()}))
-        print("out, kB:", fitted({robots: measured.out for robots, measured in by_size.items()}))
-        print("into, kB:", fitted({robots: measured.into for robots, measured in by_size.items()}), flush=True)
     if args.robots or args.trouble:
         recordings = [record(SIZE, args.fusion, WARM + DEAD + HEALED, subject) for subject in ("ball", "mine")]
     for robots in args.robots:

@@ -11,7 +11,7 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
-from ratios import Row, milliseconds, show
+from ratios import Measured, milliseconds, show
 
 from blackboard import POOLS, Grid, cooperative_pool, entropy_weights
 from blackboard.opinion.belief import Belief, gaussian
@@ -53,7 +53,7 @@ def enumerated(p: Array, w: Array) -> Array:
     return total
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[Measured]:
     asked = {
         ("received", 8): 2.0,
         ("computed", 8): 2.0,
@@ -73,19 +73,19 @@ def rows() -> Iterator[Row]:
                 partial(fuse, read_rule({"rule": "coalition"}), p, GRID),
             )
             about = f"{kind}, N = {n}"
-            yield Row(f"COP / LGP, {about} (LGP {lgp:.2f} ms)", cop / lgp, most=asked.get((kind, n)))
-            yield Row(f"COP / LOP, {about}", cop / lop)
-            yield Row(f"the default rule / COP, {about}", coalition / cop, most=1.5)
-            yield Row(f"a board's fusion by it, with its weights and story / LGP, {about}", fusion / lgp)
+            yield Measured(f"COP / LGP, {about} (LGP {lgp:.2f} ms)", cop / lgp, most=asked.get((kind, n)))
+            yield Measured(f"COP / LOP, {about}", cop / lop)
+            yield Measured(f"the default rule / COP, {about}", coalition / cop, most=1.5)
+            yield Measured(f"a board's fusion by it, with its weights and story / LGP, {about}", fusion / lgp)
     p = team("received", 12)
     w, flat = entropy_weights(p, 2.0), p.reshape(12, -1)
     slow, fast = milliseconds(partial(enumerated, flat, w), partial(cooperative_pool, p, w), rounds=2)
-    yield Row("all subsets / COP, received, N = 12", slow / fast, least=20.0)
+    yield Measured("all subsets / COP, received, N = 12", slow / fast, least=20.0)
     for kind in ("received", "dense"):
         stacks = [team(kind, n) for n in SIZES]
         times = milliseconds(*(partial(cooperative_pool, p, np.ones(len(p))) for p in stacks))
         slope = float(np.polyfit(np.log(SIZES), np.log(times), 1)[0])
-        yield Row(f"COP grows as N to the power of, {kind}, N = {SIZES[0]} to {SIZES[-1]}", slope, "", most=2.0)
+        yield Measured(f"COP grows as N to the power of, {kind}, N = {SIZES[0]} to {SIZES[-1]}", slope, "", most=2.0)
 
 
 def main() -> None:

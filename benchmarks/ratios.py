@@ -13,7 +13,7 @@ if str(ROOT) not in sys.path:  # so that each script runs on its own
 
 
 @dataclass(frozen=True)
-class Row:
+class Measured:
     """One answer: `value` in `unit` ("x" is a ratio of two measurements of one run), and the most (or the least) that was asked."""
 
     question: str
@@ -56,6 +56,6 @@ def milliseconds(*calls: Callable[[], object], least: float = 0.01, rounds: int 
     return [1e3 * seconds for seconds in best]
 
 
-def show(rows: Iterable[Row]) -> None:
+def show(rows: Iterable[Measured]) -> None:
     for row in rows:
         print(row.line(), flush=True)

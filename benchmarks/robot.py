@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from ratios import Row, milliseconds, show
+from ratios import Measured, milliseconds, show
 
 from blackboard import Grid
 from blackboard.config import load
@@ -35,17 +35,17 @@ RANGE = 8.0  # unit, to what is sighted
 STEPS = 20  # of a course on the pose grid
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[Measured]:
     for cells in (50, 100, 200):
         yield from position(cells)
     for cell, degrees, most in ((0.1, 4, 50.0), (0.05, 2, 1000.0)):
-        yield Row(
+        yield Measured(
             f"a step on the pose grid of the recorded arena, {cell:g} m and {degrees} degrees, one sighting each",
             pose(cell, degrees), "ms", most=most,
         )  # fmt: skip
 
 
-def position(cells: int) -> Iterator[Row]:
+def position(cells: int) -> Iterator[Measured]:
     """Ours, and FilterPy's, on `cells` x `cells` cells of 1 unit, about a belief of sigma 3 in the middle."""
     grid, middle = Grid((cells, cells)), cells / 2
     settings = RobotSection.model_validate(
@@ -67,9 +67,9 @@ def position(cells: int) -> Iterator[Row]:
     mine, *others = milliseconds(*calls)
     names = ("FilterPy's discrete_bayes / that", "the same with NumPy's sum / that")
     about = f"{cells} x {cells}"
-    yield Row(f"a step on the grid of positions, {about}", mine, "ms")
+    yield Measured(f"a step on the grid of positions, {about}", mine, "ms")
     for name, other in zip(names, others, strict=False):
-        yield Row(f"{name}, {about}", other / mine, least=5.0 if cells == 200 else None)
+        yield Measured(f"{name}, {about}", other / mine, least=5.0 if cells == 200 else None)
 
 
 def _filterpy(

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from programs import Program, program
-from ratios import Row, show
+from ratios import Measured, show
 
 ENDPOINT = "tcp/127.0.0.1:17994"
 ROUNDS = 5
@@ -51,20 +51,20 @@ def idle_share(running: Program) -> float:
     raise RuntimeError(f"{running.process.args!r} ended")
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[Measured]:
     numpy = cpu(sys.executable, "-c", "import numpy")
-    yield Row("import blackboard, processor time", cpu(sys.executable, "-c", "import blackboard"), "s", most=0.15)
-    yield Row("import numpy, which is in everything below", numpy, "s")
+    yield Measured("import blackboard, processor time", cpu(sys.executable, "-c", "import blackboard"), "s", most=0.15)
+    yield Measured("import numpy, which is in everything below", numpy, "s")
     blackboard, agent = str(BIN / "blackboard"), str(BIN / "robot-agent")
     team = ("--team", "demo", "--sub-team", "a", "--scenario", "demo", "-e", ENDPOINT)
     with program(blackboard, "router", "-l", ENDPOINT):
         health = cpu(blackboard, "health", "router", "-e", ENDPOINT)
-        yield Row("blackboard health, processor time", health, "s", most=0.2)
+        yield Measured("blackboard health, processor time", health, "s", most=0.2)
         for kind, command in (("board", (blackboard, "serve", *team)), ("robot", (agent, "--id", "r1", *team))):
-            yield Row(f"a {kind}, exec to ready", seconds_to_ready(*command), "s", most=0.8)
+            yield Measured(f"a {kind}, exec to ready", seconds_to_ready(*command), "s", most=0.8)
             with program(*command) as running:
-                yield Row(f"an idle {kind}, share of a core", idle_share(running), "%", most=1.0)
-                yield Row(f"an idle {kind}, resident", running.mebibytes(), "MiB", most=80.0)
+                yield Measured(f"an idle {kind}, share of a core", idle_share(running), "%", most=1.0)
+                yield Measured(f"an idle {kind}, resident", running.mebibytes(), "MiB", most=80.0)
 
 
 if __name__ == "__main__":

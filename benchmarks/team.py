@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from ratios import Row, show
+from ratios import Measured, show
 
 from blackboard.board.service import BoardService
 from blackboard.config import Scenario, load
@@ -97,32 +97,34 @@ def growth(measured: Sequence[tuple[float, float]]) -> float:
     return float(np.polyfit(sizes, costs, 1)[0])
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[Measured]:
     first = tick(demo(FIRST))
-    yield Row(f"a tick of {FIRST} robots on 50 x 50, all processes", first.ms, "ms")
+    yield Measured(f"a tick of {FIRST} robots on 50 x 50, all processes", first.ms, "ms")
     for where, side in (("in the same arena", lambda share: 50), ("in room for each", lambda share: 50 * share**0.5)):
         measured = {FIRST: first} | {n: tick(demo(n, round(side(n / FIRST)))) for n in ROBOTS[1:]}
         for robots in ROBOTS[1:]:
             share, cost = robots / FIRST, measured[robots]
-            yield Row(
+            yield Measured(
                 f"a tick of {robots} robots / {share:g} times that of {FIRST}, {where}",
                 cost.ms / first.ms / share,
             )
-            yield Row(f"its messages / {share:g} times those of {FIRST}", cost.messages / first.messages / share)
-            yield Row(f"its sightings / {share:g} times those of {FIRST}", cost.seen / first.seen / share)
+            yield Measured(f"its messages / {share:g} times those of {FIRST}", cost.messages / first.messages / share)
+            yield Measured(f"its sightings / {share:g} times those of {FIRST}", cost.seen / first.seen / share)
         for last in (24, 48):
             some = [n for n in ROBOTS if n <= last]
             power = growth([(n, measured[n].ms) for n in some])
-            yield Row(f"a tick grows as the robots to the power of, {where}, {FIRST} to {last}", power, "", most=1.0)
+            yield Measured(
+                f"a tick grows as the robots to the power of, {where}, {FIRST} to {last}", power, "", most=1.0
+            )
         if where == "in the same arena":
             boards = {n: board_tick(demo(n)) for n in ROBOTS}
             grown = growth([(measured[n].seen, boards[n]) for n in ROBOTS])
-            yield Row(f"a board grows as the sightings to the power of, {where}", grown, "", most=1.2)
+            yield Measured(f"a board grows as the sightings to the power of, {where}", grown, "", most=1.2)
             question = f"a tick of one board of {ROBOTS[-1]} robots, {where}, at 5 Hz on one core"
-            yield Row(question, boards[ROBOTS[-1]], "ms", most=200.0)
+            yield Measured(question, boards[ROBOTS[-1]], "ms", most=200.0)
     large = tick(demo(FIRST, 200)).ms
-    yield Row(f"a tick of {FIRST} robots on 200 x 200 / on 50 x 50", large / first.ms)
-    yield Row(
+    yield Measured(f"a tick of {FIRST} robots on 200 x 200 / on 50 x 50", large / first.ms)
+    yield Measured(
         f"{FIRST} robots on 200 x 200: team time / processor time, so at most twice that on 2 cores", 200.0 / large
     )
 

@@ -15,7 +15,7 @@ from typing import Any
 import msgpack  # type: ignore[import-untyped,unused-ignore]
 import numpy as np
 import zenoh
-from ratios import Row, milliseconds, show
+from ratios import Measured, milliseconds, show
 
 from blackboard import Grid
 from blackboard.board.board import Board
@@ -96,7 +96,7 @@ def _matches(publisher: Any) -> bool:
     return bool(publisher.matching_status.matching)
 
 
-def rows() -> Iterator[Row]:
+def rows() -> Iterator[Measured]:
     sent = belief()
     said = encode(report("r1"))
     raw64, raw32 = sent.p.tobytes(), sent.p.astype(np.float32).tobytes()
@@ -105,24 +105,24 @@ def rows() -> Iterator[Row]:
             len(encode(report("r1", coding=coding))),
             kullback_leibler(sent.p, unpack(pack(sent, coding)).p),
         )
-        yield Row(f"bytes of a Report of a Gaussian of sigma 5, {coding}", size, "bytes", most=700.0)
-        yield Row(f"what is lost of it (Kullback-Leibler), {coding}", loss, "nats", most=1e-4)
+        yield Measured(f"bytes of a Report of a Gaussian of sigma 5, {coding}", size, "bytes", most=700.0)
+        yield Measured(f"what is lost of it (Kullback-Leibler), {coding}", loss, "nats", most=1e-4)
         sizes, losses = zip(*elsewhere(coding), strict=True)
-        yield Row(f"bytes of such Reports elsewhere, mean of {PLACES}, {coding}", float(np.mean(sizes)), "bytes")
-        yield Row(f"what is lost of them, the most, {coding}", max(losses), "nats")
-    yield Row("msgpack of float64 / a Report", len(msgpack.packb(raw64)) / len(said))
-    yield Row("msgpack of float32 / a Report", len(msgpack.packb(raw32)) / len(said))
+        yield Measured(f"bytes of such Reports elsewhere, mean of {PLACES}, {coding}", float(np.mean(sizes)), "bytes")
+        yield Measured(f"what is lost of them, the most, {coding}", max(losses), "nats")
+    yield Measured("msgpack of float64 / a Report", len(msgpack.packb(raw64)) / len(said))
+    yield Measured("msgpack of float32 / a Report", len(msgpack.packb(raw32)) / len(said))
     for robots in (1, 4, 8):
         size = len(encode(consensus(robots)))
-        yield Row(f"bytes of a Consensus of {robots} robots / a Report", size / len(said), most=3.0)
+        yield Measured(f"bytes of a Consensus of {robots} robots / a Report", size / len(said), most=3.0)
 
     ways = [partial(_ours, sent, report("r1"), coding) for coding in CODINGS]
     trip, *taken = there_and_back(raw64, *ways)
     for coding, own, mine in zip(CODINGS, ways, taken, strict=True):
         about = f"encode + decode a Report / Zenoh carries 320 kB there and back ({trip:.2f} ms), {coding}"
-        yield Row(about, mine / trip, most=1 / 3)
+        yield Measured(about, mine / trip, most=1 / 3)
         ours, packed = milliseconds(own, partial(_msgpack, raw64))
-        yield Row(f"encode + decode a Report / msgpack packs and unpacks its float64, {coding}", ours / packed)
+        yield Measured(f"encode + decode a Report / msgpack packs and unpacks its float64, {coding}", ours / packed)
 
 
 def elsewhere(coding: Coding) -> Iterator[tuple[int, float]]:

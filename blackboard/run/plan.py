@@ -41,7 +41,7 @@ class Costs:
     into: Growth  # bytes into one robot, the same
 
 
-#: Fitted by `python benchmarks/fleet.py --robots --costs 4 8 16 32 48`, and with 4 8 16 24 `--fusion joint`, on two cores that
+#: Fitted by `python benchmarks/costs.py 4 8 16 32 48`, and `4 8 16 24 --fusion joint`, on two cores that
 #: others used, too; boards that left ticks out are not in the fit (from 48 and 24 robots on).
 COSTS: dict[Fusion, Costs] = {
     "opinions": Costs(Growth(2.6, 0.18), Growth(570, 238), Growth(800, 2.4)),
