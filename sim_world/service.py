@@ -108,7 +108,9 @@ class WorldService:
                 name = who(envelope.key)  # none: it was the router that had gone
                 out += self._ask(asked=[name] if name else sorted({*self.members.missing(self._open[max(self._open)])}))
         else:
-            out = self.intake.take(envelope, lambda parts, message: self._hear(parts, message, envelope.payload), now)
+            out = self.intake.on_envelope(
+                envelope, lambda parts, message: self._hear(parts, message, envelope.payload), now
+            )
         return out + self._advance(now)
 
     def wake(self, now: float) -> list[Envelope]:

@@ -229,8 +229,8 @@ class Board:
         """
         dissents = [of.dissent for of in self._sources.values()]
         dissents += [] if self.joint is None else [self.joint.dissent]
-        learned = [_told(level, one) for level, of in self._sources.items() for one in of.learner.learned()]
-        return {"learned": learned, "dissent": [one for dissent in dissents for one in dissent.told()]}
+        learned = [_learned_message(level, one) for level, of in self._sources.items() for one in of.learner.learned()]
+        return {"learned": learned, "dissent": [one for dissent in dissents for one in dissent.named()]}
 
     def memory(self, level: str) -> PackedMemory:
         """What is remembered of robots ("consensus"), or of sub-teams ("agreed")."""
@@ -323,14 +323,14 @@ class Board:
             rule=str(parameters.pop("rule")),
             parameters=parameters,
             outcome=fusion.outcome,
-            learned=[_told(level, one) for one in fusion.learned],
-            dissent=dissent.told({share.opinion.source for share in fusion.shares}),
+            learned=[_learned_message(level, one) for one in fusion.learned],
+            dissent=dissent.named({share.opinion.source for share in fusion.shares}),
             camps=camps,
             unnamed=[] if self.clusters is None else may_be(subject, self.clusters.unnamed),
         )
 
 
-def _told(level: str, one: learning.LearnedSource) -> Learned:
+def _learned_message(level: str, one: learning.LearnedSource) -> Learned:
     return Learned(level=level, **vars(one))  # type: ignore[arg-type]
 
 

@@ -83,5 +83,5 @@ class Clocks:
         """A status with what the others need to know of this board's clock, and what it found of theirs."""
         if not self.differ:
             return status
-        update = {"sent": now, "echo": self.echoes.held(now), "clocks": self.offsets.found()}
+        update = {"sent": now, "echo": self.echoes.held(now), "clocks": self.offsets.corrections()}
         return status.model_copy(update=update)

@@ -186,7 +186,7 @@ class DissentJudge:
             return 0.0 if source in self._left_out else 1.0 if standing is None else standing.taken
         return 1.0 if standing is None else standing.weight
 
-    def told(self, sources: Collection[str] | None = None) -> list[wire.Dissent]:
+    def named(self, sources: Collection[str] | None = None) -> list[wire.Dissent]:
         """Who is named, of these sources or of all, sorted."""
         return [
             wire.Dissent(

@@ -42,7 +42,7 @@ class Reception:
         for robot in [robot for robot, (time, _) in self._speeds.items() if time < begun]:
             self.board.ageing.learn_speed(robot, self._speeds.pop(robot)[1])
 
-    def take(self, parts: dict[str, str], message: Message, now: float) -> bool:
+    def on_message(self, parts: dict[str, str], message: Message, now: float) -> bool:
         """Take a message of a robot or of another board. True: its sender should hear of this board at once. Refused, TooEarly."""
         if self.clock.pace is Pace.WAITING:
             raise TooEarly  # its stamp cannot be judged before the world's clock is known
@@ -104,7 +104,7 @@ class Reception:
         """Count a robot's step once all reports that its status lists have arrived; the status may come before them."""
         listed = self._reports.list_of(robot)
         if listed is not None and self._reports.arrived(robot, *listed):
-            self.steps.hear(robot, listed[0], now)
+            self.steps.on_step(robot, listed[0], now)
 
     def _on_consensus(self, consensus: Consensus, now: float) -> None:
         board = consensus.sub_team, consensus.board

@@ -140,7 +140,7 @@ class BoardService:
             out += self._retry(now) if envelope.kind is Kind.ALIVE else []
             out += [self.publisher.status(now)] if _is_world(envelope) else []
         else:
-            out += self.intake.take(envelope, lambda parts, message: self._take(parts, message, now), now)
+            out += self.intake.on_envelope(envelope, lambda parts, message: self._take(parts, message, now), now)
         out += self._look("message", now) + self._turn("message", now)
         self._is_wake_due = self.clock.pace is Pace.REALTIME
         return out + self.publisher.aside(now)
@@ -169,7 +169,7 @@ class BoardService:
     def _take(self, parts: dict[str, str], message: Message, now: float) -> list[Envelope]:
         if isinstance(message, Clock):
             return self._on_clock(message, now)
-        return [self.publisher.status(now)] if self.reception.take(parts, message, now) else []
+        return [self.publisher.status(now)] if self.reception.on_message(parts, message, now) else []
 
     def _retry(self, now: float) -> list[Envelope]:
         return self.intake.retry(lambda parts, message: self._take(parts, message, now))

@@ -22,7 +22,7 @@ class Steps:
         self._expected: frozenset[str] = frozenset()  # robots of which a step is waited for
         self._heard_at = 0.0  # when the newest step arrived
 
-    def hear(self, robot: str, tick: int, now: float) -> None:
+    def on_step(self, robot: str, tick: int, now: float) -> None:
         """All reports of a robot's step have arrived; a step that is repeated does not count."""
         if self._newest.pop(robot, None) != tick:
             self._again |= robot in self._pauses

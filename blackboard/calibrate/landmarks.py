@@ -36,19 +36,19 @@ def misplaced(fit: Fit) -> list[tuple[int, Misplaced]]:
     """The landmarks that are seen elsewhere, by their numbers, the farthest off first, in errors of a sighting."""
     candidates = []
     for number in range(len(fit.drives.landmarks)):
-        told, least = _told(fit, number)
-        if told is not None and told.off > SURE * told.sigma and told.off > FAR * least:
-            candidates.append((told.off / least, number, told))
-    return [(number, told) for _, number, told in sorted(candidates, key=lambda candidate: -candidate[0])]
+        place, least = _place_seen(fit, number)
+        if place is not None and place.off > SURE * place.sigma and place.off > FAR * least:
+            candidates.append((place.off / least, number, place))
+    return [(number, place) for _, number, place in sorted(candidates, key=lambda candidate: -candidate[0])]
 
 
 def apart(fit: Fit, landmark: int) -> float:
     """How far from its place a landmark is seen, in errors of a sighting; 0 where it was seen too rarely."""
-    told, least = _told(fit, landmark)
-    return 0.0 if told is None else told.off / least
+    place, least = _place_seen(fit, landmark)
+    return 0.0 if place is None else place.off / least
 
 
-def _told(fit: Fit, number: int) -> tuple[Misplaced | None, float]:
+def _place_seen(fit: Fit, number: int) -> tuple[Misplaced | None, float]:
     """Where a landmark is seen, and the error of a sighting (unit); None where it was seen too rarely."""
     points, expected, tick, robot = _seen(fit, number)
     if len(points) < FEWEST:
@@ -57,17 +57,17 @@ def _told(fit: Fit, number: int) -> tuple[Misplaced | None, float]:
     spread = max(1e-6, 1.4826 * float(np.median(np.abs(points - middle))))
     once = len(np.unique(np.column_stack([robot, np.floor(fit.drives.times[tick] / ALIKE)]), axis=0))
     sigma = 1.25 * spread / math.sqrt(once)
-    told = Misplaced(
+    place = Misplaced(
         fit.drives.landmarks[number], _point(fit.drives.places[number]), _point(middle), sigma, len(points)
     )
-    return told, max(spread, float(np.median(expected)))
+    return place, max(spread, float(np.median(expected)))
 
 
-def exchanged(told: list[Misplaced]) -> list[Misplaced]:
+def exchanged(place: list[Misplaced]) -> list[Misplaced]:
     """The same, with the pairs named that are seen at each other's places: nearer to them than to their own by half."""
     both = []
-    for one in told:
-        pairs = [other for other in told if other is not one and _swaps(one, other)]
+    for one in place:
+        pairs = [other for other in place if other is not one and _swaps(one, other)]
         name = pairs[0].landmark if pairs else ""
         both.append(Misplaced(one.landmark, one.map, one.seen, one.sigma, one.sightings, name))
     return both

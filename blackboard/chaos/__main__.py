@@ -10,8 +10,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from blackboard.chaos.cases import CASES, chosen
-from blackboard.chaos.lies import catalogue
 from blackboard.chaos.lies import table as lying
+from blackboard.chaos.lies.catalogue import CATALOGUE, Lie
 from blackboard.chaos.lies.trial import try_lie
 from blackboard.chaos.soak import LOSS
 from blackboard.chaos.soak import soak as run_soak
@@ -86,8 +86,8 @@ def chaos(
     if lies:
         numbers = parse_seeds(seeds) if seeds else [seed]
         team = load(scenario).changed("board", fusion=fusion).changed("time", seconds=seconds)
-        return _try_lies(team, numbers, catalogue.chosen(only), output)
-    team, cases = load(scenario), chosen(only)
+        return _try_lies(team, numbers, chosen(only, CATALOGUE, "lie"), output)
+    team, cases = load(scenario), chosen(only, CASES, "case")
 
     async def run() -> list[dict[str, Any]]:
         rows = []
@@ -102,10 +102,10 @@ def chaos(
     return 1 if any(row["recovery"] is None for row in rows) else 0
 
 
-def _try_lies(team: Scenario, seeds: list[int], lies: list[catalogue.Lie], output: OutputFlags) -> int:
+def _try_lies(team: Scenario, seeds: list[int], lies: list[Lie], output: OutputFlags) -> int:
     """Run every lie with every seed, and each seed without one; print the table."""
     worlds = {seed: team.changed("world", seed=seed) for seed in seeds}
-    jobs: list[tuple[int, catalogue.Lie | None]] = [(seed, lie) for lie in (None, *lies) for seed in seeds]
+    jobs: list[tuple[int, Lie | None]] = [(seed, lie) for lie in (None, *lies) for seed in seeds]
     with progress("lies") as show:
         todo = [(worlds[seed], lie, np.random.default_rng([seed, number])) for number, (seed, lie) in enumerate(jobs)]
         done = run_jobs(try_lie, todo, show)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 from blackboard.chaos.trouble import Trouble
 from blackboard.config import Scenario
 from blackboard.errors import UserError
 
+T = TypeVar("T")
 Who = Literal["nobody", "robots", "robot", "board", "sub-team", "router", "sites"]
 
 
@@ -50,13 +52,13 @@ CASES = {
 }
 
 
-def chosen(only: str | None) -> list[TroubleCase]:
-    """The cases of a list of names with commas, or all. UserError: there is none of a name."""
-    names = list(CASES) if only is None else [name.strip() for name in only.split(",")]
+def chosen(only: str | None, known: Mapping[str, T], what: str) -> list[T]:
+    """What a list of names with commas names, or all that is known. UserError: there is no such `what`."""
+    names = list(known) if only is None else [name.strip() for name in only.split(",")]
     for name in names:
-        if name not in CASES:
-            raise UserError(f"--only {name}: no such case; choose from {', '.join(CASES)}")
-    return [CASES[name] for name in names]
+        if name not in known:
+            raise UserError(f"--only {name}: no such {what}; choose from {', '.join(known)}")
+    return [known[name] for name in names]
 
 
 def members(who: Who, scenario: Scenario) -> list[str]:

@@ -51,7 +51,7 @@ def share(
     _check(source, team, sub_team, subjects, every, settings.max_age, flags)
     stop, clock = door.Stop(), UnixClock()
     with Link(flags.link(), VIA + source, patience=door.PATIENCE, stopped=stop, clock=clock) as link:
-        told = _told(link, clock, team, sub_team, chosen, stop)
+        told = _destination(link, clock, team, sub_team, chosen, stop)
         if told.feedback != "guarded":
             raise UserError(
                 f"{team}: its boards have feedback = {told.feedback!r}, by which what is shared would be "
@@ -66,7 +66,7 @@ def share(
     return door.DONE
 
 
-def _told(
+def _destination(
     link: Link, clock: UnixClock, team: str, sub_team: str | None, scenario: Scenario | None, stop: door.Stop
 ) -> Found:
     """Where the reports go. UserError: no board says it and no scenario either, or it could be several sub-teams."""

@@ -93,7 +93,7 @@ class TeamNews:
     ) -> None:
         self._newest, self._on_agreed, self._on_refused = Newest(grid), on_agreed, on_refused
 
-    def take(self, heard: Cue | Message, now: float) -> None:
+    def on_news(self, heard: Cue | Message, now: float) -> None:
         """Take what came at a Unix time. Refused: as in `Newest.hear_consensus`; and whatever a callback raises."""
         if heard in (Cue.BEGIN, Cue.FREE):
             self._newest.forget()

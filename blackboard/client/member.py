@@ -137,7 +137,7 @@ class Member(Around):
             self._reports = {}
         elif heard is Cue.TICK:
             return self._stand(now)
-        self._news.take(heard, now)
+        self._news.on_news(heard, now)
         return []
 
     def _stand(self, now: float) -> list[Envelope]:

@@ -26,7 +26,7 @@ from blackboard.process.loop import run
 from blackboard.process.service import Service
 from blackboard.process.team_clock import TeamClock
 from blackboard.wire import keys as topics
-from blackboard.wire.codec import open_envelope
+from blackboard.wire.codec import message_in
 from blackboard.wire.messages import Consensus, Refusal
 from blackboard.wire.names import NAME
 
@@ -267,10 +267,7 @@ class Membership:
         for topic in (topics.AGREED, topics.CONSENSUS):
             for sub_team in self.sub_teams:
                 for envelope in self._link.get(topic.key(team=self.name, sub_team=sub_team, subject=subject)):
-                    try:
-                        message = open_envelope(envelope)[2]
-                    except Refused:
-                        continue
+                    message = message_in(envelope)
                     if isinstance(message, Consensus):
                         levels[message.level].append(message)
         agreed = max(levels["agreed"], key=lambda consensus: consensus.time, default=None)

@@ -52,7 +52,7 @@ class Robot(Membership):
         from robot_agent.driven import driven
 
         self._driven = driven(
-            news.take,
+            news.on_news,
             self._scenario,
             team=self.name,
             sub_teams=self.sub_teams,

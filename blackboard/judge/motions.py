@@ -50,12 +50,12 @@ class Motions:
         kinds: dict[str, dict[str, Any]] = {}
         for what, kind in sorted({(what, subject.partition("/")[0]) for what, subject in self._sums}):
             mine = {s: sums for (w, s), sums in sorted(self._sums.items()) if w == what and s.startswith(f"{kind}/")}
-            by_name = {subject.partition("/")[2]: _told([sums]) for subject, sums in mine.items()}
-            kinds.setdefault(what, {})[f"{kind}s"] = {**_told(mine.values()), "by_name": by_name}
+            by_name = {subject.partition("/")[2]: _judged([sums]) for subject, sums in mine.items()}
+            kinds.setdefault(what, {})[f"{kind}s"] = {**_judged(mine.values()), "by_name": by_name}
         return kinds
 
 
-def _told(sums: Iterable[Array]) -> dict[str, Any]:
+def _judged(sums: Iterable[Array]) -> dict[str, Any]:
     """Root mean squared error, mean logarithm of the density (nats), and coverage by level."""
     n, squares, logs, *held = sum(sums, np.zeros(3 + len(LEVELS))).tolist()
     coverage = {str(level): share / n for level, share in zip(LEVELS, held, strict=True)}

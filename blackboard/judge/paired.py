@@ -33,10 +33,12 @@ def paired(ones: Iterable[Sample], others: Iterable[Sample]) -> Table:
         group = next((group for group, prefix in GROUPS.items() if other.subject.startswith(prefix)), None)
         if one is not None and group is not None and other.level in LEVELS:
             rows[group, other.level].append((other.tick, other.error - one.error, other.log_score - one.log_score))
-    return {group: {level: _told(rows[group, level]) for level in LEVELS if (group, level) in rows} for group in GROUPS}
+    return {
+        group: {level: _estimates(rows[group, level]) for level in LEVELS if (group, level) in rows} for group in GROUPS
+    }
 
 
-def _told(rows: list[tuple[int, float, float]]) -> Table:
+def _estimates(rows: list[tuple[int, float, float]]) -> Table:
     ticks, errors, scores = (np.array(column, float) for column in zip(*rows, strict=True))
     block = np.minimum(BLOCKS - 1, (ticks - ticks.min()) * BLOCKS // (np.ptp(ticks) + 1)).astype(int)
     return {"n": len(rows), "error": _interval(errors, block), "log_score": _interval(scores, block)}

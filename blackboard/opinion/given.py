@@ -114,7 +114,7 @@ def from_range_bearing(
         raise ValueError(f"from_range_bearing: a grid of {grid.ndim} axes; it needs 2")
     if distance is None and bearing is None:
         raise ValueError("from_range_bearing: neither distance nor bearing; give one at least")
-    _check_told(
+    _check_given(
         heading=heading, distance=distance, bearing=bearing, distance_sigma=distance_sigma, bearing_sigma=bearing_sigma,
         heading_sigma=heading_sigma, position_sigma=position_sigma,
     )  # fmt: skip
@@ -142,7 +142,7 @@ def from_range_bearing(
     return _normalised(_integrated(grid, log_density, least))
 
 
-def _check_told(**told: float | None) -> None:
+def _check_given(**told: float | None) -> None:
     for name, value in told.items():
         if value is not None and (not math.isfinite(value) or (value < 0 and name not in ("heading", "bearing"))):
             raise ValueError(
@@ -210,7 +210,7 @@ def resampled(old: Grid, p: Array, grid: Grid, lost: float = 0.01) -> Array:
     outside = 1.0 - math.fsum(p.ravel()) / before
     if outside > lost:
         raise ValueError(
-            f"resampled: {outside:.1%} of the mass is outside the grid, which is {_told(grid)}; at most {lost:.1%} may be"
+            f"resampled: {outside:.1%} of the mass is outside the grid, which is {_extent(grid)}; at most {lost:.1%} may be"
         )
     return _normalised(p)
 
@@ -292,7 +292,7 @@ def _check_inside(grid: Grid, what: str, points: Array, beyond: npt.ArrayLike = 
     if not inside.all():
         i = int(np.argmin(inside))
         name = f"{what} {i} at" if number else what
-        raise ValueError(f"{name} {_shown(points[i])} is outside the grid, which is {_told(grid)}")
+        raise ValueError(f"{name} {_shown(points[i])} is outside the grid, which is {_extent(grid)}")
 
 
 def _covariance(grid: Grid, what: str, given: npt.ArrayLike) -> Array:
@@ -337,7 +337,7 @@ def _borders(grid: Grid) -> list[tuple[float, float]]:
     return [(low, low + n * grid.cell) for low, n in zip(grid.origin, grid.shape, strict=True)]
 
 
-def _told(grid: Grid) -> str:
+def _extent(grid: Grid) -> str:
     return " by ".join(f"{low:g} to {high:g}" for low, high in _borders(grid))
 
 

@@ -68,7 +68,7 @@ class Intake:
         self._early: dict[str, _Early] = {}  # key -> the newest, the oldest arrival first
         self._early_bytes = 0
 
-    def take(self, envelope: Envelope, handle: Handler, now: float) -> list[Envelope]:
+    def on_envelope(self, envelope: Envelope, handle: Handler, now: float) -> list[Envelope]:
         """Hand the message of a PUT to `handle` and return its answers; none for other kinds and for what is refused."""
         if envelope.kind is not Kind.PUT:
             return []

@@ -65,7 +65,7 @@ class Listener:
             if envelope.kind is Kind.ALIVE:
                 out = self.intake.retry(lambda _, message: self._take(message, now))
         else:
-            out = self.intake.take(envelope, lambda _, message: self._take(message, now), now)
+            out = self.intake.on_envelope(envelope, lambda _, message: self._take(message, now), now)
         return out + self.wake(now)
 
     def wake(self, now: float) -> list[Envelope]:

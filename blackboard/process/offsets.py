@@ -55,7 +55,7 @@ class ClockOffsets:
         """Seconds by which a source's clock is ahead of this one; negative: behind; 0 where it is near enough, or unknown."""
         return self._ahead.get(source, 0.0)
 
-    def found(self) -> dict[str, float]:
+    def corrections(self) -> dict[str, float]:
         """The clocks that are off, by source."""
         return {source: ahead for source, ahead in sorted(self._ahead.items()) if ahead}
 

@@ -26,7 +26,7 @@ from blackboard.run.flags import MemberFlags, OutputFlags, TeamFlags
 from blackboard.run.logs import quiet
 from blackboard.run.overrides import parse_set, path_of, with_settings
 from blackboard.run.progress import progress
-from blackboard.tape.compare import side_by_side, told
+from blackboard.tape.compare import side_by_side, verdict_lines
 from blackboard.tape.content import Tape, load_tape, summary
 from blackboard.tape.content import cut as cut_out
 from blackboard.tape.file import TapeWriter, copy, create
@@ -189,7 +189,7 @@ def _again(tape: Tape, story: Course, output: OutputFlags, keep: Keep | None) ->
     with _moving(sum(len(life.events) for life in tape.lives)) as moved:
         again = replay_tape(tape, moved)
     matched = match(story.run, recorded(tape), again.output, story.ended)
-    lines = told(again, matched)
+    lines = verdict_lines(again, matched)
     card = scorecard(judge(tape.scenario, story, again.output, clock.now() - began, record=keep))
     output.show(card, lambda card: "\n".join([text(card), "", *lines]))
     if not matched.exact and output.as_json:

@@ -8,7 +8,7 @@ from blackboard.tape.judge import Match
 from blackboard.tape.replay import Replay
 
 
-def told(replayed: Replay, matched: Match) -> list[str]:
+def verdict_lines(replayed: Replay, matched: Match) -> list[str]:
     """Whether a replay is the recording, and every reason why it may not be, in sentences."""
     if matched.exact:
         lines = [f"as recorded, to the bit: {matched.same} consensuses"]

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 
 from blackboard.config import Scenario
 from blackboard.config.world import WorldSection
-from blackboard.errors import Refused
 from blackboard.faults import faulty_robots
 from blackboard.judge.card import COUNTED, RunResult
 from blackboard.judge.instant import Instant, who_saw_landmarks
@@ -21,8 +20,8 @@ from blackboard.process.roster import Roster
 from blackboard.tape.content import Tape, messages
 from blackboard.tape.replay import Output, is_consensus
 from blackboard.wire import keys
-from blackboard.wire.codec import open_envelope
-from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.codec import message_in
+from blackboard.wire.envelope import Kind
 from blackboard.wire.messages import Clock, Consensus, Readings, Solo, Status, Truth
 
 JUDGED_EVERY = 1.0  # seconds: how often the referee judges a recorded team (sim_world.mrclam.replay)
@@ -54,10 +53,7 @@ def course(tape: Tape, run: str) -> Course:
         topic = keys.parse(envelope.key)
         if topic is None or topic[0] not in (keys.CLOCK, keys.READING, keys.TRUTH, keys.SOLO):
             continue
-        try:
-            _, _, message = open_envelope(envelope)
-        except Refused:
-            continue
+        message = message_in(envelope)
         if isinstance(message, Clock):
             following = message.run == run
             if following:
@@ -210,14 +206,5 @@ def _by_name(run: str, output: Output) -> Mapping[Name, bytes]:
 def _of(run: str, output: Output) -> Iterable[tuple[Consensus, bytes]]:
     """The consensuses of a run that can be read."""
     for of, envelope in output.sent:
-        if of == run:
-            yield from ((consensus, envelope.payload) for consensus in _opened(envelope))
-
-
-def _opened(envelope: Envelope) -> Iterable[Consensus]:
-    try:
-        message = open_envelope(envelope)[2]
-    except Refused:
-        return
-    if isinstance(message, Consensus):
-        yield message
+        if of == run and isinstance(message := message_in(envelope), Consensus):
+            yield message, envelope.payload

@@ -11,8 +11,8 @@ from blackboard.opinion.scores import Score
 from blackboard.tape.content import Tape
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
-from blackboard.wire.codec import open_envelope
-from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.codec import message_in
+from blackboard.wire.envelope import Kind
 from blackboard.wire.messages import Consensus, PackedBelief, Solo, Truth
 
 #: What a row has beside the fields of a sample: the world's run, empty without one; the robot of a solo belief, else the board.
@@ -34,7 +34,7 @@ def rows(tape: Tape) -> Iterator[dict[str, Any]]:
     for _, envelope in tape.envelopes:
         if envelope.kind is not Kind.PUT or not any(topic.match(envelope.key) for topic in TOPICS):
             continue
-        message = _opened(envelope)
+        message = message_in(envelope)
         if isinstance(message, Truth):
             run = message.run
             truths[run, message.tick] = message
@@ -76,10 +76,3 @@ def _row(
     )
     row = {**vars(sample), **about}
     yield {name: None if isinstance(row[name], float) and math.isnan(row[name]) else row[name] for name in COLUMNS}
-
-
-def _opened(envelope: Envelope) -> object:
-    try:
-        return open_envelope(envelope)[2]
-    except Refused:
-        return None

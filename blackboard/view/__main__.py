@@ -175,7 +175,7 @@ def hz(key: str = "cop/**", *, seconds: Seconds = 5.0, flags: door.ZenohFlags = 
         begin = clock.now()
         while not stop() and clock.now() < begin + seconds:
             for envelope in link.receive(0.1):
-                rates.take(envelope)
+                rates.count(envelope)
     print(rates.text(clock.now() - begin))
     return door.DONE if rates.counts else door.FAILED
 

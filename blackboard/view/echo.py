@@ -81,7 +81,7 @@ class Rates:
     def __init__(self) -> None:
         self.counts: dict[str, tuple[int, int]] = {}
 
-    def take(self, envelope: Envelope) -> None:
+    def count(self, envelope: Envelope) -> None:
         if envelope.kind is Kind.PUT:
             known = envelope.key in self.counts or len(self.counts) < MAX_KEYS
             key = envelope.key if known else "..."

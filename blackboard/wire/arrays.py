@@ -109,7 +109,7 @@ def _unpacked(packed: PackedBelief, grid: Grid | None) -> Belief:
     own = _own_grid(packed)
     if grid is not None:
         if (own.shape, own.cell, own.origin, own.unit) != (grid.shape, grid.cell, grid.origin, grid.unit):
-            raise Refused("grid", f"a belief on {_told(own)}, the team's is {_told(grid)}")
+            raise Refused("grid", f"a belief on {_described(own)}, the team's is {_described(grid)}")
         if own.frame and grid.frame and own.frame != grid.frame:
             raise Refused("frame", f"a belief in frame {own.frame!r}, the team's is {grid.frame!r}")
         own = grid
@@ -206,7 +206,7 @@ def _own_grid(packed: PackedBelief) -> Grid:
     return unpacked_grid(packed.grid)
 
 
-def _told(grid: Grid) -> str:
+def _described(grid: Grid) -> str:
     return f"{grid.shape} cells of {grid.cell:g} {grid.unit} from {grid.origin}"
 
 

@@ -1,5 +1,6 @@
 """Messages as bytes and back. Bytes are a message or raise `Refused`, never anything else."""
 
+from contextlib import suppress
 from functools import lru_cache
 from typing import TypeVar
 
@@ -63,3 +64,10 @@ def open_envelope(envelope: Envelope) -> tuple[keys.Topic, dict[str, str], Messa
         if in_message != in_key:
             raise Refused("impostor", f"{name} {in_message!r} on the key {envelope.key}")
     return topic, parts, message
+
+
+def message_in(envelope: Envelope) -> Message | None:
+    """The message in an envelope of kind PUT, shared as by `open_envelope`; None where that refuses it."""
+    with suppress(Refused):
+        return open_envelope(envelope)[2]
+    return None

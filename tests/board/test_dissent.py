@@ -58,20 +58,20 @@ def test_as_long_as_nobody_disagrees_nothing_is_changed_to_the_bit() -> None:
         judged, plain = fused(dissent, opinions, float(second)), fused(None, opinions, float(second))
         assert np.array_equal(judged.belief.p, plain.belief.p)
         assert [share.weight for share in judged.shares] == [share.weight for share in plain.shares]
-    assert dissent.told() == []
+    assert dissent.named() == []
     assert {dissent.weight(source) for source in HONEST} == {1.0}
 
 
 def test_one_liar_of_five_is_named_after_some_seconds_and_the_others_are_not() -> None:
     dissent = DissentJudge("consensus")
     lived(dissent, LIAR, FIRM)
-    assert dissent.told() == []
+    assert dissent.named() == []
     lived(dissent, LIAR, 20, FIRM)
-    (liar,) = dissent.told()
+    (liar,) = dissent.named()
     assert (liar.level, liar.source, liar.weight) == ("consensus", "r5", LEAST_WEIGHT)
     assert liar.since == FIRM
     assert liar.sigmas == pytest.approx(10 / np.hypot(1.5, 1.5 / 4**0.2), rel=0.35)  # the others multiply a little
-    assert dissent.told({"r1", "r2"}) == []
+    assert dissent.named({"r1", "r2"}) == []
 
 
 def test_who_is_named_counts_for_less() -> None:
@@ -95,7 +95,7 @@ def test_who_agrees_again_returns_slowly() -> None:
     assert weights[5] < 0.4
     assert weights[-1] == 1.0
     assert 15 < sum(weight < 1.0 for weight in weights) < 40
-    assert dissent.told() == []
+    assert dissent.named() == []
 
 
 def test_it_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -109,7 +109,7 @@ def test_it_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
 def test_two_that_collude_against_three_are_named() -> None:
     dissent = DissentJudge("consensus")
     lived(dissent, {"r1": TRUTH, "r2": TRUTH, "r3": TRUTH, "r4": (30.0, 20.0), "r5": (30.0, 20.0)}, 20)
-    assert [named.source for named in dissent.told()] == ["r4", "r5"]
+    assert [named.source for named in dissent.named()] == ["r4", "r5"]
 
 
 @pytest.mark.parametrize("size", [2, 3])
@@ -117,7 +117,7 @@ def test_of_two_camps_nobody_is_named_and_both_are_told_with_their_weights(size:
     dissent, names = DissentJudge("consensus"), [f"r{k}" for k in range(2 * size)]
     places = {name: TRUTH if k < size else (30.0, 20.0) for k, name in enumerate(names)}
     lived(dissent, places, 20, sigma=0.7)
-    assert dissent.told() == []
+    assert dissent.named() == []
     pooled = fused(dissent, said(places, 0.7, 20), 20.0)
     camps = dissent.told_camps(SUBJECT, {share.opinion.source: share.weight for share in pooled.shares})
     assert sorted(camp.sources for camp in camps) == [names[:size], names[size:]]
@@ -129,7 +129,7 @@ def test_of_two_camps_nobody_is_named_and_both_are_told_with_their_weights(size:
 def test_two_that_contradict_each_other_accuse_nobody() -> None:
     dissent = DissentJudge("consensus")
     lived(dissent, {"r1": TRUTH, "r2": (30.0, 20.0)}, 20)
-    assert dissent.told() == []
+    assert dissent.named() == []
 
 
 def test_an_over_confident_source_is_named_too() -> None:
@@ -139,21 +139,21 @@ def test_an_over_confident_source_is_named_too() -> None:
         place = (20 + rng.normal(0, 6.0), 20 + rng.normal(0, 6.0))
         sharp = Opinion("r5", gaussian(GRID, place, 0.7), {"r5": 0.0})
         fused(dissent, [*said(HONEST, seed=second), sharp], float(second))
-    assert [named.source for named in dissent.told()] == ["r5"]
+    assert [named.source for named in dissent.named()] == ["r5"]
 
 
 def test_with_the_paper_s_feedback_everything_is_as_printed() -> None:
     dissent, printed = DissentJudge("consensus"), SETTINGS.model_copy(update={"feedback": "paper"})
     for second in range(20):
         fused(dissent, said(LIAR, seed=second), float(second), printed)
-    assert dissent.told() == []
+    assert dissent.named() == []
 
 
 def test_opinions_that_are_no_bells_are_not_judged() -> None:
     dissent, flat = DissentJudge("consensus"), Belief(GRID, np.full(GRID.shape, 1 / GRID.size))
     for second in range(20):
         fused(dissent, [*said(HONEST, seed=second), Opinion("r5", flat, {"r5": 0.0})], float(second))
-    assert dissent.told() == []
+    assert dissent.named() == []
 
 
 def test_memory_is_bounded() -> None:
@@ -186,7 +186,7 @@ def judge(
 def test_in_a_joint_who_says_that_it_is_elsewhere_is_named_with_the_share_that_was_taken() -> None:
     dissent = DissentJudge("agreed", joint=True)
     judge(dissent, 20, {"r1": 0.3, "r2": 0.1, "r3": 9.0}, Trust(), taken=False)
-    (named,) = dissent.told()
+    (named,) = dissent.named()
     assert (named.level, named.source, named.since) == ("agreed", "r3", FIRM)
     assert named.sigmas == pytest.approx(9 / np.sqrt(2))
     assert named.weight < 0.01
@@ -195,7 +195,7 @@ def test_in_a_joint_who_says_that_it_is_elsewhere_is_named_with_the_share_that_w
 def test_in_a_joint_where_half_the_robots_are_elsewhere_nobody_is_named() -> None:
     dissent = DissentJudge("agreed", joint=True)
     judge(dissent, 20, {"r1": 0.3, "r2": 9.0}, Trust())
-    assert dissent.told() == []
+    assert dissent.named() == []
 
 
 def test_who_is_left_out_of_a_joint_is_named_at_once_and_until_it_is_taken_back() -> None:
@@ -211,10 +211,10 @@ def test_who_is_left_out_of_a_joint_is_named_at_once_and_until_it_is_taken_back(
 
     see(False, 10)
     judge(dissent, 2, dict.fromkeys(("r1", "r2", "r3"), 0.0), trust)
-    assert [(named.source, named.weight, named.since) for named in dissent.told()] == [("r3", 0.0, 0.0)]
+    assert [(named.source, named.weight, named.since) for named in dissent.named()] == [("r3", 0.0, 0.0)]
     see(True, 30)
     judge(dissent, 3, dict.fromkeys(("r1", "r2", "r3"), 0.0), trust, start=2)
-    assert dissent.told() == []
+    assert dissent.named() == []
 
 
 def test_opposed_camps_of_a_joint_are_told_about_their_members() -> None:
@@ -226,7 +226,7 @@ def test_opposed_camps_of_a_joint_are_told_about_their_members() -> None:
                 if observer < observed:
                     trust.judge(observer, observed, agrees=any({observer, observed} <= camp for camp in camps))
     judge(dissent, 1, {}, trust)
-    assert dissent.told() == []
+    assert dissent.named() == []
     shown = dissent.camps_about("robot/r1", ["robot/r1", "robot/r2", "robot/r3"])
     assert [(camp.sources, round(camp.weight, 3)) for camp in shown] == [(["r1", "r2"], 0.667), (["r3", "r4"], 0.333)]
     assert dissent.camps_about("robot/r9", []) == []

@@ -61,7 +61,7 @@ def test_who_goes_on_from_a_memory_does_the_same_to_the_bit(handed_on: int) -> N
     advice, expected = (heir.advice([f"s{i}" for i in range(5)], [2.0] * 5) for heir in (learner, heirs[0]))
     assert (advice.independence, advice.powers.tolist()) == (expected.independence, expected.powers.tolist())
     assert advice.independence != 0.2
-    assert heirs[1].told() == dissent.told() != []
+    assert heirs[1].named() == dissent.named() != []
 
 
 def test_a_memory_is_small_and_that_of_the_most_sources_fits_a_message() -> None:

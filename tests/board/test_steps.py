@@ -18,7 +18,7 @@ def ends(steps: Steps, said: list[tuple[float, str]], early: bool = False) -> li
     settlements, ticks = [], Counter[str]()
     for number, (at, robot) in enumerate(sorted(said)):
         ticks[robot] += 1
-        steps.hear(robot, ticks[robot], NOW + at)
+        steps.on_step(robot, ticks[robot], NOW + at)
         steps.check()
         if steps.are_told or (early and number == 1):
             settlements.append((at, robot))
@@ -59,7 +59,7 @@ def test_nobody_is_waited_for_longer_than_another_one_tells_two_steps(said: list
         now += wait
         since[robot] += newest.get(robot) != tick
         newest[robot] = tick
-        steps.hear(robot, tick, now)
+        steps.on_step(robot, tick, now)
         steps.check()
         assert steps.are_told or max(since.values()) <= 1
         assert not steps.are_told or any(since.values())
@@ -76,6 +76,6 @@ def test_who_falls_silent_delays_one_settlement_by_one_step_of_another() -> None
 def test_strangers_are_forgotten() -> None:
     steps = Steps()
     for n in range(3 * MAX_SOURCES):
-        steps.hear(f"r{n}", 0, NOW)
+        steps.on_step(f"r{n}", 0, NOW)
         steps.check()
     assert steps.are_told

@@ -15,10 +15,10 @@ DEMO = load("demo")
 
 
 def test_all_cases_or_those_that_are_named() -> None:
-    assert chosen(None) == list(CASES.values())
-    assert [case.name for case in chosen("sites, calm")] == ["sites", "calm"]
+    assert chosen(None, CASES, "case") == list(CASES.values())
+    assert [case.name for case in chosen("sites, calm", CASES, "case")] == ["sites", "calm"]
     with pytest.raises(UserError, match="--only storm: no such case; choose from calm, "):
-        chosen("storm")
+        chosen("storm", CASES, "case")
 
 
 def test_each_case_troubles_somebody_in_one_way() -> None:

@@ -148,7 +148,7 @@ class Robots(Scheduler):
         self.board = board_of(chosen, "a", "board-a")
         self.join(self.board)
         for robot in chosen.team.robots:
-            news = TeamNews(chosen.grid, lambda agreed: self.agreed.update({agreed.subject: agreed})).take
+            news = TeamNews(chosen.grid, lambda agreed: self.agreed.update({agreed.subject: agreed})).on_news
             joint = chosen.board.fusion == "joint"
             named = {"team": "t", "sub_teams": ["a"], "robot": robot, "grid": chosen.grid, "joint": joint}
             self.robots[robot] = driven(news, chosen, **named)

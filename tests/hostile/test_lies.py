@@ -8,7 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from blackboard.chaos.lies.catalogue import CATALOGUE, Lie, chosen
+from blackboard.chaos.cases import chosen
+from blackboard.chaos.lies.catalogue import CATALOGUE, Lie
 from blackboard.chaos.lies.changes import Absurd, Off
 from blackboard.chaos.lies.liar import Liar
 from blackboard.chaos.lies.trial import guests_of, liars_of, lying_team, run_lie, span
@@ -104,9 +105,9 @@ def test_the_catalogue_has_what_was_asked_for() -> None:
     assert len(CATALOGUE) >= 40
     assert {lie.liars for lie in CATALOGUE.values()} == {0, 1, 2}
     assert {lie.guests for lie in CATALOGUE.values()} == {0, 1, 2}
-    assert chosen("off-3, two-off") == [CATALOGUE["off-3"], CATALOGUE["two-off"]]
+    assert chosen("off-3, two-off", CATALOGUE, "lie") == [CATALOGUE["off-3"], CATALOGUE["two-off"]]
     with pytest.raises(UserError, match="--only nothing: no such lie; choose from off-2, "):
-        chosen("nothing")
+        chosen("nothing", CATALOGUE, "lie")
 
 
 def test_who_lies_is_the_last_of_each_sub_team_in_turn() -> None:

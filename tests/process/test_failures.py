@@ -60,12 +60,12 @@ def test_a_handler_that_fails_costs_its_own_message_only() -> None:
     def handle(parts: dict[str, str], message: Message) -> list[Envelope]:
         raise OverflowError("int too large")
 
-    assert intake.take(Envelope("cop/t/a/status/r1", encode(STATUS)), handle, 0.0) == []
+    assert intake.on_envelope(Envelope("cop/t/a/status/r1", encode(STATUS)), handle, 0.0) == []
     assert intake.counters == {"failed": 1}
 
 
 def test_a_forged_line_does_not_get_into_the_log(caplog: pytest.LogCaptureFixture) -> None:
     intake = Intake()
-    intake.take(Envelope("cop/t/a\n12:00:00 [error] forged\x1b[2J", b""), lambda parts, message: [], 0.0)
+    intake.on_envelope(Envelope("cop/t/a\n12:00:00 [error] forged\x1b[2J", b""), lambda parts, message: [], 0.0)
     assert "\n" not in caplog.text.rstrip("\n")
     assert "\x1b" not in caplog.text

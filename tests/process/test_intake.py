@@ -44,21 +44,21 @@ def refuse(parts: dict[str, str], message: Message) -> list[Envelope]:
 
 def test_a_message_is_handed_over_and_counted() -> None:
     intake = Intake()
-    assert intake.take(status("r1"), echo, NOW) == [Envelope("re/r1")]
+    assert intake.on_envelope(status("r1"), echo, NOW) == [Envelope("re/r1")]
     assert (intake.counters, intake.refused) == ({"heard": 1}, {})
 
 
 @pytest.mark.parametrize("kind", [Kind.DELETE, Kind.ALIVE, Kind.GONE])
 def test_what_is_no_message_is_not_opened(kind: Kind) -> None:
     intake = Intake()
-    assert intake.take(Envelope("x", b"", kind), refuse, NOW) == []
+    assert intake.on_envelope(Envelope("x", b"", kind), refuse, NOW) == []
     assert (intake.counters, intake.refused) == ({}, {})
 
 
 def test_what_is_refused_is_counted_by_reason_whoever_refuses_it() -> None:
     intake = Intake()
-    assert intake.take(Envelope(status("r1").key, b"\xc1"), echo, NOW) == []
-    assert intake.take(status("r1"), refuse, NOW) == intake.take(status("r2"), refuse, NOW) == []
+    assert intake.on_envelope(Envelope(status("r1").key, b"\xc1"), echo, NOW) == []
+    assert intake.on_envelope(status("r1"), refuse, NOW) == intake.on_envelope(status("r2"), refuse, NOW) == []
     assert (intake.counters, intake.refused) == ({}, {"not-msgpack": 1, "grid": 2})
 
 
@@ -66,8 +66,8 @@ def test_a_refusal_is_logged_once_per_source_and_reason(caplog: pytest.LogCaptur
     intake = Intake()
     with caplog.at_level(logging.WARNING):
         for name in ("r1", "r2", "r1"):
-            intake.take(status(name), refuse, NOW)
-        intake.take(Envelope(status("r1").key, b""), echo, NOW)
+            intake.on_envelope(status(name), refuse, NOW)
+        intake.on_envelope(Envelope(status("r1").key, b""), echo, NOW)
     assert len(caplog.messages) == 3
     assert "/r1" in caplog.messages[0]
     assert "grid: another one" in caplog.messages[0]
@@ -77,7 +77,7 @@ def test_refusals_that_are_logged_are_bounded(caplog: pytest.LogCaptureFixture) 
     intake = Intake()
     with caplog.at_level(logging.WARNING):
         for i in range(MAX_WARNINGS + 10):
-            intake.take(Envelope(f"{'x' * 300}{i}" if i == 0 else f"x/{i}"), echo, NOW)
+            intake.on_envelope(Envelope(f"{'x' * 300}{i}" if i == 0 else f"x/{i}"), echo, NOW)
     assert len(caplog.messages) == MAX_WARNINGS
     assert len(caplog.messages[0]) < 500
     assert intake.refused == {"wild-key": MAX_WARNINGS + 10}
@@ -86,7 +86,7 @@ def test_refusals_that_are_logged_are_bounded(caplog: pytest.LogCaptureFixture) 
 def test_what_came_too_early_comes_again_in_order_the_newest_per_key() -> None:
     intake = Intake()
     for name in ("r1", "r2", "r1"):
-        assert intake.take(status(name), too_early, NOW) == []
+        assert intake.on_envelope(status(name), too_early, NOW) == []
     assert intake.counters == {}
     assert intake.retry(echo) == [Envelope("re/r2"), Envelope("re/r1")]
     assert intake.retry(echo) == []
@@ -95,7 +95,7 @@ def test_what_came_too_early_comes_again_in_order_the_newest_per_key() -> None:
 
 def test_what_is_still_too_early_is_kept() -> None:
     intake = Intake()
-    intake.take(status("r1"), too_early, NOW)
+    intake.on_envelope(status("r1"), too_early, NOW)
     assert intake.retry(too_early) == []
     assert intake.retry(echo) == [Envelope("re/r1")]
 
@@ -106,36 +106,36 @@ def not_yet(parts: dict[str, str], message: Message) -> list[Envelope]:
 
 def test_what_is_refused_for_now_is_counted_once_and_may_be_handled_later(caplog: pytest.LogCaptureFixture) -> None:
     intake = Intake()
-    intake.take(status("r1"), not_yet, NOW)
+    intake.on_envelope(status("r1"), not_yet, NOW)
     intake.retry(not_yet)
     assert intake.refused == {"unregistered": 1}
     assert intake.retry(echo) == [Envelope("re/r1")]
-    intake.take(status("r1"), not_yet, NOW + WAIT)  # this one has only come
+    intake.on_envelope(status("r1"), not_yet, NOW + WAIT)  # this one has only come
     assert not caplog.messages
 
 
 def test_the_log_says_so_once_messages_have_waited_too_long_or_have_no_room(caplog: pytest.LogCaptureFixture) -> None:
     intake = Intake()
     for at in (NOW, NOW + WAIT / 2):
-        intake.take(status("r1"), not_yet, at)
-        intake.take(status("r2"), too_early, at)
+        intake.on_envelope(status("r1"), not_yet, at)
+        intake.on_envelope(status("r2"), too_early, at)
     said = Status(process="b", kind="board", tick=1, time=0.0)
     intake.counted(said, NOW + WAIT - 0.1)
     assert not caplog.messages
     intake.counted(said, NOW + WAIT)
-    intake.take(status("r1"), not_yet, NOW + WAIT)
+    intake.on_envelope(status("r1"), not_yet, NOW + WAIT)
     assert [line.split("(")[1] for line in caplog.messages] == [
         "unregistered: no token); counted, and not logged again for this source"
     ]
     for name in ["r3", *(f"x{i}" for i in range(MAX_EARLY))]:
-        intake.take(status(name), not_yet, NOW + WAIT)
+        intake.on_envelope(status(name), not_yet, NOW + WAIT)
     assert [line.split(" (")[0] for line in caplog.messages[1:]] == ["refused cop/t/a/status/r3"]
 
 
 def test_what_came_too_early_is_bounded_in_number() -> None:
     intake = Intake()
     for i in range(MAX_EARLY + 3):
-        intake.take(status(f"r{i}"), too_early, NOW)
+        intake.on_envelope(status(f"r{i}"), too_early, NOW)
     assert intake.retry(echo)[0] == Envelope("re/r3")
     assert intake.counters == {"early_dropped": 3, "heard": MAX_EARLY}
 
@@ -147,29 +147,29 @@ def test_what_came_too_early_is_bounded_in_bytes() -> None:
     total = sum(len(envelope.payload) for envelope in large)
     assert total > 5 * MAX_EARLY_BYTES
     for envelope in [*large, *large[-3:]]:
-        intake.take(envelope, too_early, NOW)
+        intake.on_envelope(envelope, too_early, NOW)
     kept = intake.retry(echo)
     assert 0 < len(kept) <= MAX_EARLY_BYTES // len(large[0].payload)
     assert kept[-1] == Envelope("re/r59")
     assert intake.counters["early_dropped"] == 60 - len(kept)
     for envelope in large[:2]:  # the room is free again
-        intake.take(envelope, too_early, NOW)
+        intake.on_envelope(envelope, too_early, NOW)
     assert len(intake.retry(echo)) == 2
 
 
 def test_the_newest_of_a_key_takes_the_room_of_the_one_before() -> None:
     intake = Intake()
-    intake.take(status("r1"), too_early, NOW)
+    intake.on_envelope(status("r1"), too_early, NOW)
     for _ in range(20):
-        intake.take(status("r2", size=200), too_early, NOW)
+        intake.on_envelope(status("r2", size=200), too_early, NOW)
     assert intake.retry(echo) == [Envelope("re/r1"), Envelope("re/r2")]
     assert intake.counters == {"heard": 2}
 
 
 def test_a_status_shows_all_counters_and_the_next_is_due_in_a_second() -> None:
     intake = Intake()
-    intake.take(status("r1"), echo, NOW)
-    intake.take(status("r1"), refuse, NOW)
+    intake.on_envelope(status("r1"), echo, NOW)
+    intake.on_envelope(status("r1"), refuse, NOW)
     for sent in (3, 4):
         intake.record_link_counters({"sent": sent, "dropped": 0})
     said = intake.counted(Status(process="b", kind="board", tick=1, time=0.0), now=10.0)

@@ -42,10 +42,10 @@ def test_the_shortest_of_the_last_round_trips_counts() -> None:
 def test_a_clock_that_is_set_right_is_left_alone_again() -> None:
     offsets = ClockOffsets()
     trip(offsets, -3.0)
-    assert offsets.found() == {"r1": -3.0}
+    assert offsets.corrections() == {"r1": -3.0}
     for _ in range(WINDOW):
         trip(offsets, 0.01)
-    assert (offsets.ahead("r1"), offsets.found()) == (0.0, {})
+    assert (offsets.ahead("r1"), offsets.corrections()) == (0.0, {})
 
 
 @pytest.mark.parametrize(("stamp", "held"), [(100.0 - LONGEST - 0.1, 0.0), (100.5, 0.0), (99.0, 1.5)])
@@ -92,7 +92,7 @@ def test_memory_is_bounded() -> None:
         offsets.round_trip(f"q{number}", 103.0, 100.0, 0.0, 100.0)
         echoes.hear_stamp(f"b{number}", 1.0, 100.0)
     offsets.hear_offsets({f"p{number}": 9.0 for number in range(2 * MAX_SOURCES)})
-    assert len(offsets.found()) <= MAX_SOURCES
+    assert len(offsets.corrections()) <= MAX_SOURCES
     assert len(echoes.held(100.0)) == MAX_SOURCES
 
 

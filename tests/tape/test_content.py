@@ -7,7 +7,7 @@ import pytest
 
 from blackboard.errors import UserError
 from blackboard.judge.card import scorecard
-from blackboard.tape.compare import side_by_side, told
+from blackboard.tape.compare import side_by_side, verdict_lines
 from blackboard.tape.content import Tape, cut, load_tape, messages, summary
 from blackboard.tape.judge import Match, course, judge, match, recorded
 from blackboard.tape.player import Part, Player
@@ -104,15 +104,15 @@ def test_a_recorder_that_came_late_is_told_and_all_is_the_same_after_a_while(
     assert again.late == ["a/board-a", "b/board-b"]
     assert matched.exact_from is not None
     assert matched.exact_from <= 3
-    assert any("came after the beginning" in line for line in told(again, matched))
+    assert any("came after the beginning" in line for line in verdict_lines(again, matched))
 
 
 def test_what_a_replay_lacks_is_told() -> None:
-    lines = told(Replay(missing=2, gaps=1), Match(1, 2, 3, 4, "tick 7", 9))
+    lines = verdict_lines(Replay(missing=2, gaps=1), Match(1, 2, 3, 4, "tick 7", 9))
     assert "NOT as recorded" in lines[0]
     assert lines[1] == "from tick 9 on all are the same"
     assert [line.split()[0] for line in lines[2:]] == ["2", "the"]
-    assert told(Replay(), Match(5, 0, 0, 0, "", 0)) == ["as recorded, to the bit: 5 consensuses"]
+    assert verdict_lines(Replay(), Match(5, 0, 0, 0, "", 0)) == ["as recorded, to the bit: 5 consensuses"]
 
 
 def test_a_gap_and_a_message_that_is_not_there_are_counted(run: tuple[dict[str, Any], Tape, Path]) -> None:
@@ -181,7 +181,7 @@ def test_a_tape_that_breaks_off_between_a_journal_and_what_it_explains_is_as_rec
     matched = match(broken.runs[0], recorded(broken), again.output, ended=False)
     assert matched.exact
     assert matched.cut_off > 0
-    assert f"breaks off before the last {matched.cut_off} consensuses" in told(Replay(), matched)[1]
+    assert f"breaks off before the last {matched.cut_off} consensuses" in verdict_lines(Replay(), matched)[1]
     assert not match(broken.runs[0], recorded(broken), again.output).exact
     lost = next(c for c in consensuses if "agreed/robot" in tape.envelopes[c][1].key)
     holey = Tape(tape.scenario, [e for i, e in enumerate(broken.envelopes) if i != lost], tape.about)

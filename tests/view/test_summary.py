@@ -87,8 +87,8 @@ def test_rates_count_by_key_and_in_all() -> None:
     rates = Rates()
     assert rates.text(2.0) == "nothing came in 2.0 s"
     for _ in range(4):
-        rates.take(Envelope("a", b"12"))
-    rates.take(Envelope("b", b""))
+        rates.count(Envelope("a", b"12"))
+    rates.count(Envelope("b", b""))
     assert [row.split() for row in rates.text(2.0).splitlines()] == [
         ["2.00", "Hz", "0.00", "kB/s", "a"],
         ["0.50", "Hz", "0.00", "kB/s", "b"],

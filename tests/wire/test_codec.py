@@ -11,7 +11,7 @@ from blackboard.errors import Refused
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import decode, encode, enveloped, open_envelope
+from blackboard.wire.codec import decode, encode, enveloped, message_in, open_envelope
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import MODELS, REASONS, Report, Status
 from blackboard.wire.raw import MAX_BYTES, pack_map, unpack_map
@@ -234,7 +234,8 @@ def test_an_envelope_is_opened_once_for_all_who_hear_it_and_refused_by_each() ->
     for _ in range(2):
         with pytest.raises(Refused):
             open_envelope(broken)
-    assert open_envelope(sound)[2] == report
+    assert message_in(broken) is None
+    assert open_envelope(sound)[2] == message_in(sound) == report
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

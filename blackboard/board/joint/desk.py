@@ -330,7 +330,7 @@ class JointDesk:
                 told[robot] = state.mean[AXES], state.covariance[AXES, AXES]
                 believed[robot] = marginal.mean, marginal.covariance
                 own[f"robot/{robot}"] = distance(told[robot], believed[robot])
-        self._lost.hear(time, filter(self.team.knows, map("robot/{}".format, self._states)), verdicts, own)
+        self._lost.on_verdicts(time, filter(self.team.knows, map("robot/{}".format, self._states)), verdicts, own)
         self.dissent.judge_robots(time, told, believed, verdicts, self.team.trust)
 
     def _without(
@@ -374,7 +374,7 @@ class JointDesk:
         about = [verdict for verdict in verdicts if verdict.subject == subject]
         taken = sorted({verdict.source for verdict in about if verdict.taken})
         now = self._now(subject, time)
-        belief, nats = _told(self.grid, self.settings.coding, now.mean.tobytes(), now.covariance.tobytes())
+        belief, nats = _packed_gaussian(self.grid, self.settings.coding, now.mean.tobytes(), now.covariance.tobytes())
         left_out = {verdict.source: reason(verdict) for verdict in about if not verdict.taken}
         if time < self._barred.get(subject, -math.inf):
             left_out[subject] = "its evidence breaks the joint"
@@ -400,7 +400,7 @@ class JointDesk:
             state=self._state(subject),
             velocity=self._velocity(subject, time),
             lost=self.lost(subject),
-            dissent=self.dissent.told(
+            dissent=self.dissent.named(
                 {verdict.source.removeprefix("robot/") for verdict in about} | {subject.removeprefix("robot/")}
             ),
             camps=camps,
@@ -481,7 +481,7 @@ class JointDesk:
 
 
 @lru_cache(2 * MAX_OBJECTS + MAX_ROBOTS)
-def _told(grid: Grid, coding: Coding, mean: bytes, covariance: bytes) -> tuple[PackedBelief, float]:
+def _packed_gaussian(grid: Grid, coding: Coding, mean: bytes, covariance: bytes) -> tuple[PackedBelief, float]:
     """A Gaussian as a grid for a message, and its entropy (nats). Kept, because all boards of one process draw the same."""
     belief = draw(grid, Moments(np.frombuffer(mean), np.frombuffer(covariance).reshape(2, 2)))
     return pack(belief, coding), entropy_of(belief.p)

@@ -22,7 +22,6 @@ from blackboard.chaos.lies.changes import (
     WrongClock,
     WrongWheels,
 )
-from blackboard.errors import UserError
 
 HOUR = 3600.0
 
@@ -135,12 +134,3 @@ CATALOGUE = {
         Lie("guests-pull", (Sees("mates", CREEP, 0.01, always=True),), liars=0, guests=2),
     )
 }
-
-
-def chosen(only: str | None) -> list[Lie]:
-    """The lies of a list of names with commas, or all. UserError: there is none of a name."""
-    names = list(CATALOGUE) if only is None else [name.strip() for name in only.split(",")]
-    for name in names:
-        if name not in CATALOGUE:
-            raise UserError(f"--only {name}: no such lie; choose from {', '.join(CATALOGUE)}")
-    return [CATALOGUE[name] for name in names]

@@ -209,10 +209,10 @@ class Tells(Change):
         for subject in scene.targets(self.whom):
             place = scene.place(subject)
             if place is not None and subject != f"robot/{scene.robot}":
-                told.append(self._told(state, subject, place + np.array(self.offset)))
+                told.append(self._seen_at(state, subject, place + np.array(self.offset)))
         return evidence.model_copy(update={"seen": told[:MAX_RELATIVES]})
 
-    def _told(self, state: Array, subject: str, place: Array) -> Seen:
+    def _seen_at(self, state: Array, subject: str, place: Array) -> Seen:
         x, y = place - state[AXES]
         away, bearing = math.hypot(x, y), float(wrap(math.atan2(y, x) - state[HEADING]))
         at = away * math.cos(bearing), away * math.sin(bearing)

@@ -8,7 +8,7 @@ from blackboard.opinion.gaussian.joint import Expected, Factor, Innovation, Join
 
 
 class Chain:
-    """Mutable: `next` for each measurement, in order, and `take` after those that are taken.
+    """Mutable: `next` for each measurement, in order, and `add` after those that are taken.
 
     All are linearised at one mean. What one says given others is found in the small covariance of all that they say, so that the
     joint changes once.
@@ -28,7 +28,7 @@ class Chain:
         self._mine = slice(first, first + len(self._coming.pop().residual))
         return Innovation(self._residual[self._mine], self._spread[self._mine, self._mine])
 
-    def take(self, factor: Factor) -> None:
+    def add(self, factor: Factor) -> None:
         """The newest one is taken, as a factor whose noise may be wider. LinAlgError: what it says has no positive covariance."""
         mine, rest = self._mine, slice(self._mine.stop, None)
         spread = self._spread[mine, mine] + (factor.noise - self._noise[mine, mine])

@@ -38,7 +38,7 @@ class Trail:
 
 @dataclass
 class Freshness:
-    """Mutable; `pass_time` once per tick, `hear` once per sighting, before any of the tick's is taken."""
+    """Mutable; `pass_time` once per tick, `on_sighting` once per sighting, before any of the tick's is taken."""
 
     _trails: dict[tuple[str, str, str], Trail] = field(default_factory=dict)  # observer, subject and kind of sighting
     #: Observer -> -2 ln p of the newest differences of all its pairs.
@@ -58,7 +58,7 @@ class Freshness:
         self._observers = {observer: newest for observer, newest in self._observers.items() if observer in heard}
         self._held = {observer: held - dt for observer, held in self._held.items() if held > dt}
 
-    def hear(self, sighting: Relative, factor: Factor) -> None:
+    def on_sighting(self, sighting: Relative, factor: Factor) -> None:
         """Take a sighting against what the joint expects. One that declares lasting errors counts so already."""
         residual, noise = factor.residual[AXES], factor.noise[AXES, AXES]
         if sum(bias.sigma**2 for bias in sighting.biases) > DECLARED * np.trace(noise):

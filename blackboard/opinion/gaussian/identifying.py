@@ -52,7 +52,9 @@ def identified(
         of_tracks: list[tuple[float, Doubt]] = []  # of some track with this probability
         for sighting, its, share in zip(frame, candidates, odds, strict=True):
             taken = clear(share)
-            team.tally.unnamed.append(_told(team, Unnamed(observer, evidence.time, sighting.mark or 0, share, taken)))
+            team.tally.unnamed.append(
+                _of_named_tracks(team, Unnamed(observer, evidence.time, sighting.mark or 0, share, taken))
+            )
             lonely |= {age for one in share or () if one.startswith(ROBOTS) and team.tracks.is_alone(observer, one)}
             if taken is not None and taken not in named:
                 chosen.setdefault(taken, its[taken])
@@ -153,7 +155,7 @@ def _odds(
     return [*team.naming.judge(team.joint, frame, candidates, moved, team.knows, team.tracks, places(team, observer))]
 
 
-def _told(team: TeamState, unnamed: Unnamed) -> Unnamed:
+def _of_named_tracks(team: TeamState, unnamed: Unnamed) -> Unnamed:
     """What is told of an unnamed sighting: nothing of tracks that have no name yet."""
     if unnamed.odds is None:
         return unnamed

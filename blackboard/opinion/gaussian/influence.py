@@ -154,7 +154,7 @@ class Influence:
         pairs = zip(*np.nonzero(then > np.maximum(FARTHEST, now)), strict=True)
         return {self._sources[one] for one, place in pairs if self._sources[one] != self._places[place]}
 
-    def take(self, after: tuple[Array, Array]) -> None:
+    def on_factor(self, after: tuple[Array, Array]) -> None:
         """A factor is taken next, which leaves that D and C (`after`)."""
         self._moved, self._honest = after
 

@@ -32,7 +32,7 @@ Pair = tuple[str, str, str]  # who says it, about whom, and the kind of evidence
 
 @dataclass
 class Lost:
-    """Mutable. Robots are named as `robot/r1`; `hear` once for each settled tick."""
+    """Mutable. Robots are named as `robot/r1`; `on_verdicts` once for each settled tick."""
 
     _probabilities: dict[str, float] = field(default_factory=dict)
     _heard: dict[Pair, float] = field(default_factory=dict)  # team time of the newest evidence, seconds
@@ -47,7 +47,9 @@ class Lost:
         """That something led a robot astray; what is expected of any where nothing is known of it."""
         return self._probabilities.get(robot, ASTRAY / (SOUND + ASTRAY))
 
-    def hear(self, time: float, robots: Iterable[str], verdicts: Iterable[Verdict], own: Mapping[str, float]) -> None:
+    def on_verdicts(
+        self, time: float, robots: Iterable[str], verdicts: Iterable[Verdict], own: Mapping[str, float]
+    ) -> None:
         """Take what a joint that knows some robots found of evidence at a team time (s).
 
         `own` is the squared distance of where a robot says that it is from where the joint has it.

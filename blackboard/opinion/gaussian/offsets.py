@@ -53,7 +53,7 @@ NONE = OffsetScore(np.zeros(2), np.zeros((2, 2)))
 
 @dataclass
 class Offsets:
-    """Mutable; `pass_time` once per tick, `hear` once per observer."""
+    """Mutable; `pass_time` once per tick, `on_sightings` once per observer."""
 
     _all: dict[str, OffsetScore] = field(default_factory=dict)  # observer -> of all that it sees
     # observer and subject -> what rests on that one alone
@@ -71,7 +71,7 @@ class Offsets:
         self._pairs = {pair: score.faded(keep) for pair, score in self._pairs.items() if score.share * keep > LEAST}
         self._held = {observer: left - dt for observer, left in self._held.items() if left > dt}
 
-    def hear(self, observer: str, joint: Joint, seen: Sequence[tuple[str, Factor]]) -> None:
+    def on_sightings(self, observer: str, joint: Joint, seen: Sequence[tuple[str, Factor]]) -> None:
         """Take all that an observer sees in a tick, by subject, before any of it is taken into the joint.
 
         What of a score rests on some rows i of a tick alone is A_i^T ((S^-1)_ii)^-1 A_i, where A = S^-1 H. Without it the score is

@@ -99,9 +99,9 @@ def _compare_with_joint(
     moving = {robot for robot, motion in motions.items() if motion.moving}
     for sighting, factor in seen:
         if moving & {robot, sighting.subject}:  # where both stand, an exact sensor says the same again and again
-            team.freshness.hear(sighting, factor.widened(1.0 / sighting.noisier))
+            team.freshness.on_sighting(sighting, factor.widened(1.0 / sighting.noisier))
     mates = [(sighting.subject, factor) for sighting, factor in seen if sighting.subject in heard]
-    team.offsets.hear(robot, team.joint, mates)
+    team.offsets.on_sightings(robot, team.joint, mates)
 
 
 def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> list[Relative]:
@@ -118,7 +118,7 @@ def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> 
             continue
         wider = _judged(team, relative, factor, innovation)
         if wider is not None:
-            chain.take(wider)
+            chain.add(wider)
             noted.append(relative)
     taken = chain.taken()
     if taken is not None:

@@ -243,7 +243,7 @@ class TeamState:
             only = self._of(beyond)
         if after is None or only is not None or share != 1.0:
             after = self.influence.after(self.joint, robot, factor, expected, only, share)
-        self.influence.take(after)
+        self.influence.on_factor(after)
         return only
 
     def as_found(self, relative: Relative) -> Relative:

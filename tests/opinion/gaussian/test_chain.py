@@ -96,7 +96,7 @@ def test_a_chain_says_and_leaves_what_one_after_the_other_does(seed: int) -> Non
         assert np.allclose(innovation.covariance, one_by_one.innovation(alone).covariance, rtol=1e-6, atol=1e-8)
         if chance.random() < 0.7:
             wider = float(chance.choice([1.0, 3.0]))
-            chain.take(factor.widened(wider))
+            chain.add(factor.widened(wider))
             one_by_one.update(alone.widened(wider))
     taken = chain.taken()
     if taken is not None:
@@ -111,5 +111,5 @@ def test_what_is_exact_on_both_sides_says_nothing_to_a_chain() -> None:
     chain = Chain(joint, [factor, factor])
     for _ in range(2):
         assert chain.next().squared == pytest.approx(0.0)
-        chain.take(factor)
+        chain.add(factor)
     assert chain.taken() is None

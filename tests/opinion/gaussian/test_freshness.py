@@ -136,7 +136,7 @@ def test_of_those_with_half_the_noise_that_they_claim_or_more_hardly_any_is_held
     for _ in range(200):
         sighting, evidence = factor(offset + wider * SIGMA * chance.normal(size=2))
         freshness.pass_time(DT)
-        freshness.hear(sighting, evidence)
+        freshness.on_sighting(sighting, evidence)
         held += freshness.doubts(sighting.observer)
     assert held <= 50, "two false alarms"
 
@@ -146,12 +146,12 @@ def test_who_begins_to_say_anew_what_it_sees_is_believed_again_and_who_declares_
     for tick in range(20 + round(2 * HELD / DT)):
         sighting, evidence = factor(np.array([2.0, 0.0]) if tick < 20 else SIGMA * chance.normal(size=2))
         freshness.pass_time(DT)
-        freshness.hear(sighting, evidence)
+        freshness.on_sighting(sighting, evidence)
         if tick == 19:
             assert freshness.doubts(sighting.observer)
     assert not freshness.doubts(sighting.observer)
     freshness = Freshness()
     declared = replace(sighting, biases=(Bias(SIGMA, 60.0),))
     for _ in range(20):
-        freshness.hear(declared, factor(np.array([2.0, 0.0]))[1])
+        freshness.on_sighting(declared, factor(np.array([2.0, 0.0]))[1])
     assert not freshness.doubts(declared.observer)

@@ -45,7 +45,7 @@ def beginning() -> Joint:
 def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(seed: int) -> None:
     rng, joint, influence, others = np.random.default_rng(seed), beginning(), Influence(), beginning().mean
     begun = Factor(np.zeros(2), {LIAR: np.zeros((2, STATES))}, np.eye(2))
-    influence.take(influence.after(joint, LIAR, begun, joint.expected(begun)))
+    influence.on_factor(influence.after(joint, LIAR, begun, joint.expected(begun)))
     errors = np.kron(np.ones((2, 2)), joint.covariance)  # of both means
     for _ in range(12):
         robot, factor = drawn(rng)
@@ -61,7 +61,7 @@ def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(
         heard = np.kron(np.diag([1.0, float(robot != LIAR)]), left - np.eye(len(left))) + np.eye(2 * len(left))
         noisy = np.vstack([gain, gain * (robot != LIAR)])
         errors = heard @ errors @ heard.T + noisy @ factor.noise @ noisy.T
-        influence.take(influence.after(joint, robot, factor, expected))
+        influence.on_factor(influence.after(joint, robot, factor, expected))
         joint.update(factor)
     apart = np.hstack([np.eye(len(others)), -np.eye(len(others))])
     moved, honest = influence.moved(LIAR)
@@ -77,7 +77,7 @@ def test_what_is_taken_back_leaves_others_as_uncertain_as_they_were_without(seed
     before = joint.copy()
     for _ in range(6):
         _, factor = drawn(rng)
-        influence.take(influence.after(joint, LIAR, factor, joint.expected(factor)))
+        influence.on_factor(influence.after(joint, LIAR, factor, joint.expected(factor)))
         joint.update(factor)
     own, before_own = slice(2 * ROBOTS.index(LIAR), 2 * ROBOTS.index(LIAR) + 2), influence.moved(LIAR)
     influence.take_back(joint, LIAR)
@@ -95,7 +95,7 @@ def test_what_rounding_adds_does_not_grow_with_the_evidence() -> None:
     rng, joint, influence = np.random.default_rng(1), beginning(), Influence()
     for _ in range(3000):
         robot, factor = drawn(rng)
-        influence.take(influence.after(joint, robot, factor, joint.expected(factor)))
+        influence.on_factor(influence.after(joint, robot, factor, joint.expected(factor)))
         joint.update(factor)
         for mate in ROBOTS:  # they drive on
             place = joint.blocks[mate]

@@ -14,7 +14,7 @@ def verdict(source: str, subject: str, squared: float) -> Verdict:
 
 def heard(lost: Lost, seconds: range, verdicts: list[Verdict], own: dict[str, float] | None = None) -> Lost:
     for second in seconds:
-        lost.hear(float(second), ROBOTS, verdicts, own or {})
+        lost.on_verdicts(float(second), ROBOTS, verdicts, own or {})
     return lost
 
 
@@ -47,7 +47,7 @@ def test_what_is_said_many_times_in_a_second_counts_once() -> None:
     verdicts = [verdict("r1", "robot/r2", 60.0)]
     slow, fast = heard(Lost(), range(10), verdicts), Lost()
     for tick in range(100):
-        fast.hear(tick / 10, ROBOTS, verdicts, {})
+        fast.on_verdicts(tick / 10, ROBOTS, verdicts, {})
     assert abs(slow.probability("robot/r2") - fast.probability("robot/r2")) < 0.15
 
 
@@ -64,5 +64,5 @@ def test_whatever_is_heard_it_is_a_probability() -> None:
         names = rng.choice(["robot/r1", "robot/r2", "robot/new", "object/ball"], 2)
         kind = "relative" if names[0] != names[1] else "increment"
         drawn = Verdict(str(names[0]), str(names[1]), kind, squared, int(rng.integers(1, 10)), taken=False)
-        lost.hear(float(rng.uniform(0, 1e6)), ROBOTS, [drawn], {"robot/r1": squared})
+        lost.on_verdicts(float(rng.uniform(0, 1e6)), ROBOTS, [drawn], {"robot/r1": squared})
         assert all(0.0 < probability < 1.0 for probability in probabilities(lost))

@@ -77,7 +77,7 @@ def heard(offsets: Offsets, *apart: float) -> bool:
         (mate, Factor(np.array([aside, 0.0]), {LIAR: -np.eye(2), mate: np.eye(2)}, 0.01 * np.eye(2)))
         for mate, aside in zip(MATES, apart, strict=True)
     ]
-    offsets.hear(LIAR, joint, factors)
+    offsets.on_sightings(LIAR, joint, factors)
     return offsets.doubts(LIAR)
 
 
