@@ -1,12 +1,13 @@
 """[[fault]] of a scenario: what may stand there, what is wrong with it in one line, and whom it concerns when."""
 
+import re
 from typing import Any
 
 import pytest
 
 from blackboard.config import Scenario, load
-from blackboard.errors import UserError
 from blackboard.faults import KINDS, faults_of, faulty_robots, is_of_sensors, without_faults
+from tests.mistakes import one_line
 
 LIE = {"kind": "lie", "robot": "r2", "offset": [8, 0]}
 
@@ -61,10 +62,8 @@ def test_without_faults_nothing_is_wrong_and_the_same_robots_are_scored_apart() 
     ],
 )
 def test_a_mistake_is_one_line_that_says_where(table: dict[str, Any], message: str) -> None:
-    with pytest.raises(UserError) as error:
+    with one_line(f"^{re.escape(message)}"):
         faults_of(new_scenario(table))
-    assert str(error.value).startswith(message)
-    assert "\n" not in str(error.value)
 
 
 def test_every_kind_is_known_by_its_name() -> None:

@@ -14,7 +14,7 @@ Show = Callable[[int, int], None]  # to be called with what is done and the tota
 def progress(name: str, lines: bool = True) -> Iterator[Show | None]:
     """A function that moves the bar. Where standard error is no terminal: one that prints `lines`, or None."""
     if not sys.stderr.isatty():
-        yield _in_lines(name) if lines else None
+        yield _line_by_line(name) if lines else None
         return
     from rich.console import Console
     from rich.markup import escape
@@ -31,7 +31,7 @@ def progress(name: str, lines: bool = True) -> Iterator[Show | None]:
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
-def _in_lines(name: str) -> Show:
+def _line_by_line(name: str) -> Show:
     """A function that prints a line on standard error after the first, and whenever another tenth of all is done."""
     told, clock = -1, UnixClock()
     began = clock.now()

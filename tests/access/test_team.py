@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from blackboard.config import Scenario, load
-from blackboard.errors import UserError
 from blackboard.lab.team import Team
 from blackboard.net.settings import LinkConfig
 from blackboard.run.flags import TeamFlags
 from blackboard.run.launch import process_table
 from tests.commands import blackboard, call
+from tests.mistakes import one_line
 from tests.scenarios import patient_demo
 
 SHORT = ("--robots", "3", "--seconds", "2", "--json")
@@ -85,9 +85,8 @@ def test_what_must_be_restarted_is_said(tmp_path: Path, capsys: pytest.CaptureFi
     ],
 )
 def test_a_mistake_is_one_line(keys: Path, arguments: Sequence[str], says: str) -> None:
-    with pytest.raises(UserError, match=says) as caught:
+    with one_line(says):
         call("keys", *arguments, "--dir", str(keys))
-    assert "\n" not in str(caught.value)
 
 
 def test_every_process_of_a_launch_is_told_where_the_keys_are() -> None:

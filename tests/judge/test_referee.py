@@ -105,13 +105,13 @@ def test_ticks_that_are_not_judged_count_for_the_hash_only() -> None:
 
 
 def test_a_belief_that_cannot_be_read_is_counted_and_missing() -> None:
-    judge = referee()
+    judge, unreadable = referee(), [pack(gaussian(Grid((8, 8)), (2, 2), sigma)) for sigma in (1, 2)]
     instant = new_instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
-    solo(instant, "r1", {"robot/r1": at(2, 2)})
-    both(instant, "a", "robot/r1", pack(gaussian(Grid((8, 8)), (2, 2), 1)), at(2, 2))
+    solo(instant, "r1", {"robot/r1": unreadable[0]})
+    both(instant, "a", "robot/r1", unreadable[1], at(2, 2))
     judge.judge_instant(instant, judged=True)
-    assert judge.refused == {"grid": 1}
-    assert judge.missing()["robot/r1"] == {"consensus": 1}
+    assert judge.judgement().refused == {"grid": 2}
+    assert judge.judgement().missing["robot/r1"] == {"consensus": 1, "solo": 1}
 
 
 def test_beliefs_are_scored_as_they_are_on_the_wire() -> None:
@@ -171,15 +171,6 @@ def test_the_judgement_is_all_of_it() -> None:
     assert judgement.passed
     assert (judgement.scores, judgement.missing, judgement.hash) == (judge.scores(), judge.missing(), judge.hash)
     assert (judgement.unit, judgement.refused) == ("cell", {})
-
-
-def test_refused_beliefs_are_in_the_judgement() -> None:
-    judge = referee()
-    instant = new_instant({"robot/r1": (2.5, 2.5)}, teams={"a": ["r1"]})
-    solo(instant, "r1", {"robot/r1": pack(gaussian(Grid((8, 8)), (2, 2), 1))})
-    judge.judge_instant(instant, judged=True)
-    assert judge.judgement().refused == {"grid": 1}
-    assert judge.judgement().missing["robot/r1"] == {"agreed": 1, "consensus": 1, "solo": 1}
 
 
 def test_a_robot_of_the_scenario_that_is_absent_is_missing_in_every_judged_tick() -> None:

@@ -206,7 +206,7 @@ def test_a_belief_stays_a_belief(settings: RobotSection) -> None:
 def test_folding_what_was_reported_changes_nothing_and_what_was_agreed_is_taken_over(settings: RobotSection) -> None:
     localizer = at(settings, 0.1, 0.2, 0.3).predict(STEP, None)
     reported = localizer.marginal()
-    assert localizer.fold(reported, reported).marginal().p == pytest.approx(reported.p, abs=1e-6)
+    assert localizer.fold(reported, reported).marginal().p == pytest.approx(reported.p, abs=1e-15)
     agreed = gaussian(GRID, reported.mean() + 0.1, 0.15)
     assert np.abs(localizer.fold(agreed, reported).marginal().p - agreed.p).sum() < 0.1  # but for interpolation
 

@@ -255,12 +255,6 @@ def test_a_misread_barcode_does_little_harm() -> None:
     assert np.abs(after.marginal().mean() - localizer.marginal().mean()).max() < 0.1
 
 
-def test_folding_what_was_reported_changes_nothing() -> None:
-    localizer = at(0.3, 0.2, 1.0)
-    reported = localizer.marginal()
-    assert localizer.fold(reported, reported) is localizer
-
-
 def test_folding_keeps_heading_given_position() -> None:
     """Far ahead means heading straight on, far left heading left: a new position brings its heading with it."""
     localizer: Localizer = at(-1.0, 0.0, 0.0, sigma=0.08, heading_sigma=0.2)

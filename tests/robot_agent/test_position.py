@@ -140,12 +140,6 @@ def test_motion_moves_the_mean_and_does_not_blur() -> None:
     assert after.covariance()[0, 0] - before[0, 0] <= 0.26 * 0.5**2  # of the one resampling into the team's grid
 
 
-def test_folding_what_was_reported_changes_nothing() -> None:
-    localizer = position_localizer(gaussian(GRID, (3.0, 6.0), 1.0), offset=(0.1, 0.2))
-    reported = localizer.marginal()
-    assert np.array_equal(localizer.fold(reported, reported).p, localizer.p / localizer.p.sum())
-
-
 def test_a_lost_position_forgets_its_offset_and_pending_noise() -> None:
     localizer = position_localizer(
         gaussian(GRID, (6.0, 4.0), 0.4), offset=(0.2, -0.2), pending_covariance=(0.01, 0.02, 0.005)

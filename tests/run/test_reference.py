@@ -1,28 +1,15 @@
 """docs/scenario.md is what the command prints now, and says of every key what it means and in which unit."""
 
 import re
-import subprocess
-import sys
 
 import pytest
 
 from blackboard.config import load
 from blackboard.run.reference import meaning_of
-from tests.files import ROOT, page
+from tests.commands import blackboard
+from tests.files import page
 
 PAGE = page("scenario.md")
-
-
-def printed(*arguments: str) -> str:
-    """What the command prints in a process of its own, in which no test has registered a rule."""
-    done = subprocess.run(
-        [sys.executable, "-m", "blackboard", "scenario", *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return done.stdout
 
 
 def rows() -> list[list[str]]:
@@ -33,11 +20,11 @@ def rows() -> list[list[str]]:
 
 def test_the_page_is_current() -> None:
     """`blackboard scenario > docs/scenario.md` makes it so."""
-    assert printed() == PAGE
+    assert blackboard("scenario").stdout == PAGE
 
 
 def test_one_section_is_a_part_of_the_page() -> None:
-    board = printed("board")
+    board = blackboard("scenario", "board").stdout
     assert board.startswith("## board\n")
     assert board in PAGE
 

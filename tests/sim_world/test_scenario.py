@@ -15,6 +15,7 @@ from robot_agent.config import RobotSection
 from sim_world.__main__ import sim_world
 from sim_world.sources import open_sensor_source
 from sim_world.world import World
+from tests.mistakes import one_line
 from tests.sim_world.datasets import write
 
 SHIPPED = ("demo", "paper", "mrclam")
@@ -60,9 +61,8 @@ def test_the_demo_is_the_demo() -> None:
     ],
 )
 def test_a_fault_names_file_field_and_cure(table: Mapping[str, Any], text: str) -> None:
-    with pytest.raises(UserError, match=text) as fault:
+    with one_line(text):
         Scenario({"world": table}, "it.toml").section("world", WorldSection)
-    assert "\n" not in str(fault.value)
 
 
 def test_presets_set_the_gain_unless_one_is_given() -> None:

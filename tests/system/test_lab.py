@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from blackboard.errors import UserError
 from blackboard.run.door import INTERRUPTED
 from tests.commands import blackboard, call
+from tests.mistakes import one_line
 from tests.processes import IN_THE_BACKGROUND, program, wait_until
 from tests.scenarios import SMALL_FILE
 
@@ -66,9 +66,8 @@ def test_tuning_gives_a_board_table_and_its_verdict(small: str, tmp_path: Path) 
     ],
 )
 def test_mistakes_are_one_clear_line(arguments: tuple[str, ...], message: str) -> None:
-    with pytest.raises(UserError, match=re.escape(message)) as mistake:
+    with one_line(re.escape(message)):
         call(*arguments)
-    assert "\n" not in str(mistake.value)
 
 
 def test_a_mistake_is_one_line_on_standard_error_and_status_2() -> None:

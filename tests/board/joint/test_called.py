@@ -76,19 +76,13 @@ def test_a_name_that_is_of_something_else_is_not_taken(track: dict[str, object])
     assert not {"person/99", str(track["name"])} & tracks.keys()
 
 
-def test_a_number_that_the_other_board_has_given_is_not_given_again() -> None:
-    desk, there = new_desk(), PackedTrack(name="person/41", mean=(5.0, 25.0), covariance=(0.1, 0.0, 0.1))
-    for tick in range(8):
-        desk.hear_forward(said(desk, tick, since=-1.0, tracks=[there]))
-        tracks = watched(desk, tick, ["first"])
-    assert set(tracks) == {"person/42"}
-
-
-@pytest.mark.parametrize("digits", [10, 63, 64])
-def test_a_number_that_leaves_no_room_for_the_next_one_is_no_number(digits: int) -> None:
+@pytest.mark.parametrize(("given", "following"), [("41", "42"), *[("9" * digits, "1") for digits in (10, 63, 64)]])
+def test_a_number_that_the_other_board_has_given_is_not_given_again_if_there_is_room_for_the_next(
+    given: str, following: str
+) -> None:
     """Before, the name of the next track had more characters than a subject may have, and the board died of it."""
-    desk, there = new_desk(), PackedTrack(name="person/" + "9" * digits, mean=(5.0, 25.0), covariance=(0.1, 0.0, 0.1))
+    desk, there = new_desk(), PackedTrack(name=f"person/{given}", mean=(5.0, 25.0), covariance=(0.1, 0.0, 0.1))
     for tick in range(8):
         desk.hear_forward(said(desk, tick, since=-1e12, tracks=[there]))
         tracks = watched(desk, tick, ["first"])
-    assert set(tracks) == {"person/1"}
+    assert set(tracks) == {f"person/{following}"}
