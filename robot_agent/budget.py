@@ -122,7 +122,7 @@ class Budget:
                 silent = {report.subject for report in reports} & self.sent.keys()
                 return Sending([], {subject: self.aged(subject, time, speed) for subject in sorted(silent)})
             if evidence is not None:
-                gathered = {"evidence": self.slots.told(time, evidence)}
+                gathered = {"evidence": self.slots.with_means(time, evidence)}
                 reports = [
                     report if report.evidence is None else report.model_copy(update=gathered) for report in reports
                 ]

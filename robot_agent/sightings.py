@@ -35,7 +35,7 @@ class Sightings:
     """Mutable; `news` once per tick, and then `said` with the evidence that was sent."""
 
     #: Subject -> what was sent of it; the newest is last in order.
-    told: dict[str, Reckoned] = field(default_factory=dict)
+    sent: dict[str, Reckoned] = field(default_factory=dict)
     # What will be known if the sightings of this tick are sent.
     _after: dict[str, Reckoned] = field(default_factory=dict)
 
@@ -65,10 +65,10 @@ class Sightings:
         """The evidence of the newest tick was sent, with these sightings."""
         for relative in evidence.relatives:
             if relative.subject in self._after:
-                self.told.pop(relative.subject, None)
-                self.told[relative.subject] = self._after[relative.subject]
-        while len(self.told) > MOST:
-            del self.told[next(iter(self.told))]
+                self.sent.pop(relative.subject, None)
+                self.sent[relative.subject] = self._after[relative.subject]
+        while len(self.sent) > MOST:
+            del self.sent[next(iter(self.sent))]
 
     def _known(
         self,
@@ -87,13 +87,13 @@ class Sightings:
         here = float(np.trace(mine.covariance[AXES, AXES])) / 2
         turned = float(mine.covariance[HEADING, HEADING]) * relative.range**2
         along, across = min(widest, here + there), min(widest, here + there + turned)
-        told, way = self.told.get(relative.subject), evidence.travelled
-        if told is None:
+        last, way = self.sent.get(relative.subject), evidence.travelled
+        if last is None:
             return along, across
         # The sums of odometry are of the whole epoch: the time since that sighting has its share of their variance.
-        span = max(0.0, time - told.time) / max(way.time, 1.0)
+        span = max(0.0, time - last.time) / max(way.time, 1.0)
         grown = (way.along + way.across) * span  # variance of both robots' odometry, taken for equal
-        return min(along, told.along + grown), min(across, told.across + grown + way.heading * span * relative.range**2)
+        return min(along, last.along + grown), min(across, last.across + grown + way.heading * span * relative.range**2)
 
 
 def fresh_error(relative: PackedRelative, evidence: PackedEvidence) -> tuple[float, float]:

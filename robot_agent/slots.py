@@ -52,7 +52,7 @@ class Slots:
         """Nothing is sent in this tick: what it saw is sent in the next slot."""
         self._epoch, self._waiting = (-1, []) if evidence is None else (evidence.epoch, self._gathered(time, evidence))
 
-    def told(self, time: float, evidence: PackedEvidence) -> PackedEvidence:
+    def with_means(self, time: float, evidence: PackedEvidence) -> PackedEvidence:
         """The evidence of a tick, with the mean of all sightings of a subject since the last slot."""
         alike = _alike(self._gathered(time, evidence))
         profile = [] if any(len(several) > 1 for several in alike) else evidence.profile

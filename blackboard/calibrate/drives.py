@@ -55,7 +55,7 @@ class Drives:
     places: Array  # (L, 2): where the map has the landmarks
     times: Array  # (K,): of the ends of the ticks
     #: (K, N, 4): distance and turn in the tick, by the odometry; of them what was on a curve, and driven, NaN where it does not say.
-    told: Array
+    odometry: Array
     measured: Array  # (K, N): whether the odometry measured all of the tick
     sightings: SightingRows
     fixes: Absolute
@@ -82,12 +82,12 @@ class Drives:
             return replace(some, tick=some.tick - first)
 
         seen = self.sightings.where(inside(self.sightings.tick))
-        told, measured = self.told[first:until].copy(), self.measured[first:until].copy()
-        told[0], measured[0] = 0.0, True
+        odometry, measured = self.odometry[first:until].copy(), self.measured[first:until].copy()
+        odometry[0], measured[0] = 0.0, True
         return replace(
             self,
             times=self.times[first:until],
-            told=told,
+            odometry=odometry,
             measured=measured,
             sightings=replace(seen, tick=seen.tick - first),
             fixes=moved(self.fixes),
@@ -109,7 +109,7 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
     robots = tuple(sorted({name for some in by_tick.values() for name in some}))
     number = {f"robot/{name}": n for n, name in enumerate(robots)}
     times = np.array([max(one.time for one in by_tick[tick].values()) for tick in ticks])
-    told, measured = np.zeros((len(ticks), len(robots), 4)), np.zeros((len(ticks), len(robots)), dtype=bool)
+    odometry, measured = np.zeros((len(ticks), len(robots), 4)), np.zeros((len(ticks), len(robots)), dtype=bool)
     seen, fixes, headings = list[tuple[float, ...]](), list[tuple[float, ...]](), list[tuple[float, ...]]()
     places: dict[str, tuple[float, float]] = {}
     newest: dict[tuple[int, str], float] = {}
@@ -118,8 +118,8 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
             n, dt = number[f"robot/{name}"], float(times[k] - times[k - 1]) if k else 0.0
             if one.odometry is not None and k:
                 parts = one.odometry.curved, one.odometry.driven
-                told[k, n, :2] = one.odometry.distance, one.odometry.turn
-                told[k, n, 2:] = [math.nan if part is None else part for part in parts]
+                odometry[k, n, :2] = one.odometry.distance, one.odometry.turn
+                odometry[k, n, 2:] = [math.nan if part is None else part for part in parts]
                 measured[k, n] = one.odometry.dt > dt / 2
             if trusted and one.fix is not None:
                 fixes.append((k, n, *one.fix.position, one.fix.sigma))
@@ -135,7 +135,7 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
     sightings = SightingRows(*whole, *(columns[:, c] for c in range(4, 7)))
     spots = np.array(list(places.values()), dtype=float).reshape(-1, 2)
     return Drives(
-        robots, tuple(places), spots, times, told, measured, sightings, _absolute(fixes, 2), _absolute(headings, 1)
+        robots, tuple(places), spots, times, odometry, measured, sightings, _absolute(fixes, 2), _absolute(headings, 1)
     )
 
 

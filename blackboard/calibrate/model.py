@@ -68,9 +68,9 @@ class Model:
 
     def __post_init__(self) -> None:
         """Add up the commands: way, way on a curve, turn, driven turn, time in motion, each until the end of each tick."""
-        told = self.drives.told
-        way, turn = told[:, :, 0], told[:, :, 1]
-        curved, driven = curved_and_driven(way, turn, (told[:, :, 2], told[:, :, 3]), self.track)
+        odometry = self.drives.odometry
+        way, turn = odometry[:, :, 0], odometry[:, :, 1]
+        curved, driven = curved_and_driven(way, turn, (odometry[:, :, 2], odometry[:, :, 3]), self.track)
         moving = ((np.abs(way) > EPSILON) | (np.abs(turn) > EPSILON)) * self.drives.dt[:, None]
         rows = np.stack([way, curved, turn, driven, moving], axis=2)
         object.__setattr__(self, "_sums", np.cumsum(rows, axis=0))

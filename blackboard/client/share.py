@@ -146,13 +146,13 @@ class Share(Around):
         for subject, due in list(self._due.items()):
             if subject in self._newest and due <= now:
                 self._due[subject] = now + self.every
-                out += self._told(subject, *self._newest.pop(subject), now)
+                out += self._forwarded(subject, *self._newest.pop(subject), now)
             elif due < now - self.max_age:  # the team that is heard agrees on nothing about it any more
                 del self._due[subject]
                 out += self.tells.withdraw(subject, now)
         return _newest(out)
 
-    def _told(self, subject: str, agreed: Agreed, came: float, now: float) -> list[Envelope]:
+    def _forwarded(self, subject: str, agreed: Agreed, came: float, now: float) -> list[Envelope]:
         """A report, if some ancestor is newer than the other team knows; its withdrawal, if all ancestors are older than `max_age`.
 
         Whose information it is, and until when, is given by the names and in the time of the other team. Its age is the age in

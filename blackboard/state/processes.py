@@ -40,7 +40,7 @@ class Process:
         """Whether it is alive, and no board that follows another one of its sub-team."""
         return self.alive and not (self.status is not None and self.status.follows)
 
-    def heard(self, now: float, size: int) -> None:
+    def note_message(self, now: float, size: int) -> None:
         self.heard_at = now
         self.messages += 1
         self.bytes += size

@@ -147,30 +147,30 @@ class TeamFold:
 
     def hear_sender(self, kind: str, name: str, sub_team: str | None, size: int, now: float) -> None:
         """Count a message that is not read."""
-        self._process(kind, name, sub_team).heard(now, size)
+        self._process(kind, name, sub_team).note_message(now, size)
 
     # --- messages -------------------------------------------------------------------------------------------------------
 
     def hear_message(self, parts: dict[str, str], message: Message, size: int, now: float) -> None:
         """Take a message; Refused: "too-many"."""
         if isinstance(message, Clock):
-            self._process(*WORLD).heard(now, size)
+            self._process(*WORLD).note_message(now, size)
             self._hear_clock(message, now)
         elif isinstance(message, Truth):
-            self._process(*WORLD).heard(now, size)
+            self._process(*WORLD).note_message(now, size)
             truths = dict(list(message.positions.items())[:MAX_SUBJECTS])
             put(self._truths, (message.run, message.tick), truths, MAX_TRUTHS)
         elif isinstance(message, Readings):
             self._see(message.robot, message.subjects)
         elif isinstance(message, Report):
-            self._process("robot", message.source, parts["sub_team"]).heard(now, size)
+            self._process("robot", message.source, parts["sub_team"]).note_message(now, size)
             self._hear_report(message, size, now)
         elif isinstance(message, Consensus):
-            self._process("board", message.board, message.sub_team).heard(now, size)
+            self._process("board", message.board, message.sub_team).note_message(now, size)
             self._hear_consensus(message, size, now)
         elif isinstance(message, Status) and message.kind in ("robot", "board"):
             process = self._process(message.kind, message.process, parts["sub_team"])
-            process.heard(now, size)
+            process.note_message(now, size)
             self._hear_status(process, parts["sub_team"], message, now)
         elif isinstance(message, Disk):
             self._hear_disk(message, now)

@@ -52,7 +52,7 @@ def test_an_error_that_lasts_is_not_averaged_away() -> None:
     for time in np.linspace(0.0, 0.1, 40):
         news(sightings, packed, float(time))
         sightings.said(packed)
-    assert sightings.told["robot/r2"].along >= 0.2**2 - 1e-9
+    assert sightings.sent["robot/r2"].along >= 0.2**2 - 1e-9
 
 
 def test_of_whom_no_board_knows_anything_a_sighting_adds_most() -> None:
@@ -74,5 +74,5 @@ def test_so_many_subjects_are_remembered() -> None:
         packed = evidence(f"object/o{i}")
         news(sightings, packed, 0.0)
         sightings.said(packed)
-    assert len(sightings.told) == MOST
-    assert f"object/o{MOST + 4}" in sightings.told
+    assert len(sightings.sent) == MOST
+    assert f"object/o{MOST + 4}" in sightings.sent

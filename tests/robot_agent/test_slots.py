@@ -58,7 +58,7 @@ def test_the_mean_of_what_was_seen_on_an_even_way_is_what_is_seen_at_its_mean_ti
         packed = evidence(TICK * tick, turned, its, kind)
         if tick < 2:
             slots.wait(TICK * tick, packed)
-    (sighting,) = slots.told(2 * TICK, packed).seen
+    (sighting,) = slots.with_means(2 * TICK, packed).seen
     assert sighting.age == pytest.approx(TICK, abs=1e-6)
     off = np.subtract(sighting.values, expected)
     if kind in ("bearing", "pose"):
@@ -74,10 +74,12 @@ def test_the_mean_of_what_was_seen_on_an_even_way_is_what_is_seen_at_its_mean_ti
 def test_what_was_seen_before_a_filter_began_anew_is_not_told() -> None:
     slots = Slots(2.0)
     slots.wait(0.0, evidence(0.0, 0.0, (1.0, 0.0), "position"))
-    packed = slots.told(TICK, evidence(TICK, 0.0, (3.0, 0.0), "position", epoch=7))
+    packed = slots.with_means(TICK, evidence(TICK, 0.0, (3.0, 0.0), "position", epoch=7))
     assert packed.seen[0].values == pytest.approx((3.0, 0.0))
     slots.wait(TICK, None)
-    assert slots.told(TICK, evidence(TICK, 0.0, (3.0, 0.0), "position")).seen[0].values == pytest.approx((3.0, 0.0))
+    assert slots.with_means(TICK, evidence(TICK, 0.0, (3.0, 0.0), "position")).seen[0].values == pytest.approx(
+        (3.0, 0.0)
+    )
 
 
 def test_several_sightings_of_one_moment_are_different_things_and_have_no_mean() -> None:
@@ -88,7 +90,9 @@ def test_several_sightings_of_one_moment_are_different_things_and_have_no_mean()
     )
     both = first.model_copy(update={"seen": [*first.seen, *other.seen]})
     slots.wait(0.0, first)
-    packed = slots.told(TICK, both.model_copy(update={"travelled": evidence(TICK, 0.0, (0, 0), "position").travelled}))
+    packed = slots.with_means(
+        TICK, both.model_copy(update={"travelled": evidence(TICK, 0.0, (0, 0), "position").travelled})
+    )
     assert [sighting.values for sighting in packed.seen] == [(1.0, 0.0), (5.0, 0.0)]
 
 
@@ -98,7 +102,7 @@ def test_of_a_class_the_newest_is_told_because_the_one_before_may_be_another_thi
 
     slots = Slots(2.0)
     slots.wait(0.0, unnamed(evidence(0.0, 0.0, (1.0, 0.0), "position")))
-    packed = slots.told(TICK, unnamed(evidence(TICK, 0.0, (5.0, 0.0), "position")))
+    packed = slots.with_means(TICK, unnamed(evidence(TICK, 0.0, (5.0, 0.0), "position")))
     assert [(sighting.values, sighting.age) for sighting in packed.seen] == [((5.0, 0.0), 0.0)]
 
 
@@ -106,7 +110,9 @@ def test_a_sighting_is_told_once() -> None:
     slots = Slots(2.0)
     slots.wait(0.0, evidence(0.0, 0.0, (1.0, 0.0), "position"))
     slots.said(TICK)
-    assert slots.told(2 * TICK, evidence(2 * TICK, 0.0, (3.0, 0.0), "position")).seen[0].values[0] == pytest.approx(3.0)
+    assert slots.with_means(2 * TICK, evidence(2 * TICK, 0.0, (3.0, 0.0), "position")).seen[0].values[
+        0
+    ] == pytest.approx(3.0)
 
 
 # --- a team ----------------------------------------------------------------------------------------------------------------
