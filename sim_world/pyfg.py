@@ -93,10 +93,10 @@ class GraphReplay:
         for time, kind, subject, values, covariance in track.seen:
             if now - self.dt < time <= now:
                 place = self.graph.points.get(subject.removeprefix("landmark/"))
-                it = Seen(
+                sighting = Seen(
                     subject=subject, kind=kind, values=values, covariance=covariance, landmark=place, age=now - time
                 )
-                sightings.append(it)
+                sightings.append(sighting)
         return sightings[-MAX_OPINIONS:]
 
 

@@ -150,8 +150,8 @@ class Board:
             mine = {source: entry for source, entry in known.items() if source == (self.sub_team, self.name)}
             for level, entries in ((here, mine), (others, {name: known[name] for name in known.keys() - mine.keys()})):
                 if entries:
-                    newest = max(entries, key=lambda source: (entries[source].time, source))
-                    whole = self._aged(replace(it := entries[newest], opinions=it.opinions[-1:]), subject, now)
+                    _, newest = max(entries.items(), key=lambda item: (item[1].time, item[0]))
+                    whole = self._aged(replace(newest, opinions=newest.opinions[-1:]), subject, now)
                     level[subject] = whole[0].belief
         with self._survive("unnamed sightings"):
             return self.clusters.settle(now, self.settings.max_age, here, others)

@@ -41,7 +41,7 @@ class Pace(Enum):
     REALTIME = "realtime"  # the world paces, team time runs on between two Clocks
 
 
-PACES: dict[str, Pace] = {it.value: it for it in Pace}
+PACES: dict[str, Pace] = {pace.value: pace for pace in Pace}
 
 
 class State(Enum):

@@ -171,12 +171,12 @@ def written_by(token: str) -> tuple[str, ...]:
         return ()
     (role,), named = topic.writers, parts.get(topic.owner, "")
     mine = (
-        row
-        for row in TOPICS
-        if role in row.writers and row.message != "token" and (row.owner == "") == (role == "world")
+        one
+        for one in TOPICS
+        if role in one.writers and one.message != "token" and (one.owner == "") == (role == "world")
     )
     names = parts | dict.fromkeys(("source", "process"), named) | {"subject": "**"}
-    return tuple(it.key(**{"robot": "*", **names}) for it in mine)
+    return tuple(one.key(**{"robot": "*", **names}) for one in mine)
 
 
 def table() -> str:

@@ -92,8 +92,8 @@ class Motion:
 
     def times(self, share: float) -> Motion:
         """So much of it, at an even speed."""
-        it = Motion(*(share * number for number in self.numbers()))
-        return replace(it, faster=0.0, quicker=0.0)
+        part = Motion(*(share * number for number in self.numbers()))
+        return replace(part, faster=0.0, quicker=0.0)
 
     def since(self, earlier: Motion) -> Motion:
         """What was added to a sum of motions since it was `earlier`."""
