@@ -5,6 +5,8 @@ observer that is led astray by its odometry. So an observer's innovations are ad
 it sees. Where that is certain, its sightings correct its own place alone, as measurements with parameters that are considered
 and not estimated (Schmidt 1966). So a robot that is lost is still led back, and one that lies moves itself.
 
+Who sees each mate to another side has no offset of all. So the same is added up for an offset of each mate.
+
 A robot that has moved itself to where its lies fit sees nothing to the side any more. So an offset is held against it for `MEMORY`
 seconds.
 """
@@ -14,8 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
+import numpy.typing as npt
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Factor, Joint, squared_distance
@@ -51,6 +55,46 @@ class OffsetScore:
 NONE = OffsetScore(np.zeros(2), np.zeros((2, 2)))
 
 
+@dataclass(frozen=True, eq=False)
+class MateScores:
+    """The same for k subjects with an offset each: gradient, shape (2 k,), and covariance, shape (2 k, 2 k)."""
+
+    subjects: tuple[str, ...]
+    gradient: Array
+    covariance: Array
+
+    def plus(self, other: MateScores) -> MateScores:
+        """Both together."""
+        subjects = tuple(dict.fromkeys((*self.subjects, *other.subjects)))
+        gradient, covariance = np.zeros(2 * len(subjects)), np.zeros((2 * len(subjects),) * 2)
+        for score in (self, other):
+            at = _places(subjects, score.subjects)
+            gradient[at] += score.gradient
+            covariance[np.ix_(at, at)] += score.covariance
+        return MateScores(subjects, gradient, covariance)
+
+    def without(self, subject: str) -> MateScores:
+        """Those of the others, whatever the offset of one subject is."""
+        if subject not in self.subjects:
+            return self
+        others = tuple(other for other in self.subjects if other != subject)
+        at, rest = _places(self.subjects, [subject]), _places(self.subjects, others)
+        by = np.linalg.solve(_rounded(self.covariance[np.ix_(at, at)]), self.covariance[np.ix_(at, rest)])
+        covariance = self.covariance[np.ix_(rest, rest)] - self.covariance[np.ix_(rest, at)] @ by
+        return MateScores(others, self.gradient[rest] - self.gradient[at] @ by, covariance)
+
+    def faded(self, keep: float) -> MateScores:
+        """With so much of them left."""
+        return MateScores(self.subjects, self.gradient * keep, self.covariance * keep**2)
+
+    def is_far(self) -> bool:
+        """Whether they are beyond 99.9 % of those without offsets."""
+        return squared_distance(self.gradient, _rounded(self.covariance)) > quantile(GATE, len(self.gradient))
+
+
+NO_MATES = MateScores((), np.zeros(0), np.zeros((0, 0)))
+
+
 @dataclass
 class Offsets:
     """Mutable; `pass_time` once per tick, `on_sightings` once per observer."""
@@ -58,18 +102,27 @@ class Offsets:
     _all: dict[str, OffsetScore] = field(default_factory=dict)  # observer -> of all that it sees
     # observer and subject -> what rests on that one alone
     _pairs: dict[tuple[str, str], OffsetScore] = field(default_factory=dict)
+    _mates: dict[str, MateScores] = field(default_factory=dict)  # observer -> of each that it sees
     _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
 
     def copy(self) -> Offsets:
         """The same, which may be changed without changing this one."""
-        return Offsets(dict(self._all), dict(self._pairs), dict(self._held))
+        return Offsets(dict(self._all), dict(self._pairs), dict(self._mates), dict(self._held))
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
         keep = math.exp(-dt / MEMORY)
         self._all = {observer: score.faded(keep) for observer, score in self._all.items() if score.share * keep > LEAST}
         self._pairs = {pair: score.faded(keep) for pair, score in self._pairs.items() if score.share * keep > LEAST}
+        self._mates = {
+            one: self._young(one, scores.faded(keep)) for one, scores in self._mates.items() if one in self._all
+        }
         self._held = {observer: left - dt for observer, left in self._held.items() if left > dt}
+
+    def _young(self, observer: str, scores: MateScores) -> MateScores:
+        """An observer's scores without those of mates that it has not seen for long."""
+        gone = [subject for subject in scores.subjects if (observer, subject) not in self._pairs]
+        return reduce(MateScores.without, gone, scores)
 
     def on_sightings(self, observer: str, joint: Joint, seen: Sequence[tuple[str, Factor]]) -> None:
         """Take all that an observer sees in a tick, by subject, before any of it is taken into the joint.
@@ -91,16 +144,23 @@ class Offsets:
             part = weighed[mine]
             alone = _score(part[:, :2].T @ np.linalg.solve(inverse[np.ix_(mine, mine)], part))
             self._pairs[observer, subject] = self._pairs.get((observer, subject), NONE).plus(alone)
+        each = _of_each(subjects, ways, inverse, innovation.residual)
+        self._mates[observer] = self._mates.get(observer, NO_MATES).plus(each)
         if self._has_offset(observer):
             self._held[observer] = MEMORY
 
     def _has_offset(self, observer: str) -> bool:
-        """Whether what it sees has an offset beyond 99.9 % of honest ones, whichever one of its subjects is left out."""
+        """Whether what it sees has offsets beyond 99.9 % of honest ones, whichever one of its subjects is left out."""
         whole = self._all[observer]
         # a bearing says nothing along its line of sight, and rounding is no evidence
-        whole = whole.plus(OffsetScore(np.zeros(2), ROUNDED * np.trace(whole.covariance) * np.eye(2)))
+        whole = replace(whole, covariance=_rounded(whole.covariance))
         scores = [score for (one, _), score in self._pairs.items() if one == observer]
-        return len(scores) > 1 and all(whole.plus(score, -1.0).is_far() for score in scores)
+        if len(scores) < 2:
+            return False
+        mates = self._mates[observer]
+        return all(whole.plus(score, -1.0).is_far() for score in scores) or all(
+            mates.without(subject).is_far() for subject in mates.subjects
+        )
 
     def doubts(self, observer: str) -> bool:
         """Whether what it sees had such an offset in the last `MEMORY` seconds."""
@@ -108,7 +168,7 @@ class Offsets:
 
     def forget_scores(self) -> None:
         """What robots see was held against a belief that is not held any more. Who is doubted for it stays so."""
-        self._all, self._pairs = {}, {}
+        self._all, self._pairs, self._mates = {}, {}, {}
 
     def forget(self, robot: str) -> None:
         """Drop what concerns a robot."""
@@ -116,6 +176,8 @@ class Offsets:
             if subject == robot and observer in self._all:
                 self._all[observer] = replace(self._all[observer].plus(score, -1.0), share=self._all[observer].share)
         self._all.pop(robot, None)
+        self._mates.pop(robot, None)
+        self._mates = {observer: scores.without(robot) for observer, scores in self._mates.items()}
         self._pairs = {pair: score for pair, score in self._pairs.items() if robot not in pair}
         self._held.pop(robot, None)
 
@@ -123,3 +185,23 @@ class Offsets:
 def _score(both: Array) -> OffsetScore:
     """From the covariance, and the gradient beside it: shape (2, 3)."""
     return OffsetScore(both[:, 2], both[:, :2])
+
+
+def _rounded(covariance: Array) -> Array:
+    """A covariance of a score with what may be due to rounding."""
+    least = max(ROUNDED * float(np.trace(covariance)), float(np.finfo(float).tiny))
+    return np.asarray(covariance + least * np.eye(len(covariance)))
+
+
+def _of_each(subjects: npt.NDArray[np.str_], ways: Array, inverse: Array, residual: Array) -> MateScores:
+    """Scores from residuals, shape (m,), of some subjects, (m,), that these move by `ways`, (m, 2), and their inverse covariance."""
+    names = tuple(dict.fromkeys(subjects.tolist()))
+    each = np.hstack([ways * (subjects == name)[:, np.newaxis] for name in names])
+    weighed = inverse @ each
+    return MateScores(names, weighed.T @ residual, each.T @ weighed)
+
+
+def _places(subjects: Sequence[str], some: Sequence[str]) -> npt.NDArray[np.intp]:
+    """Where the offsets of some subjects are, shape (2 some,)."""
+    first = 2 * np.array([subjects.index(subject) for subject in some], dtype=np.intp)
+    return np.asarray((first[:, np.newaxis] + np.arange(2)).ravel())

@@ -20,21 +20,24 @@ from tests.opinion.gaussian.standing import LIAR, PLACES, says
 BEGIN, END = 5, 40
 
 
-def shifted(team: TeamJoint, robot: str, at: Array, lie: float) -> tuple[Relative, ...]:
-    """It sees every mate `lie` to the side of where the team has it, from where it is by its own evidence."""
+def shifted(team: TeamJoint, robot: str, at: Array, lie: float, sides: int = 1) -> tuple[Relative, ...]:
+    """It sees every mate `lie` aside of where the team has it, in turn to so many `sides`, from where it is by its own evidence."""
+    angles = {mate: math.tau * (turn % sides) / sides for turn, mate in enumerate(sorted(PLACES.keys() - {robot}))}
     apart = {
-        mate: team.marginal(mate).mean + [lie, 0.0] - at for mate in sorted((PLACES.keys() & team.subjects()) - {robot})
+        mate: team.marginal(mate).mean + [lie * math.cos(angle), lie * math.sin(angle)] - at
+        for mate, angle in angles.items()
+        if mate in team.subjects()
     }
     return tuple(
         Relative(robot, mate, math.hypot(x, y), math.atan2(y, x), 0.25, 0.0025) for mate, (x, y) in apart.items()
     )
 
 
-def worst(lie: float, ticks: int = END, names: bool = True) -> tuple[float, set[str]]:
+def worst(lie: float, ticks: int = END, names: bool = True, sides: int = 1) -> tuple[float, set[str]]:
     """How far the farthest mate of a liar was taken along, and who was doubted. Without `names` it says that robots were seen."""
     team, farthest, doubted = TeamJoint(), 0.0, set[str]()
     for tick in range(ticks):
-        lies = shifted(team, LIAR, PLACES[LIAR], lie) if tick >= BEGIN else ()
+        lies = shifted(team, LIAR, PLACES[LIAR], lie, sides) if tick >= BEGIN else ()
         if not names:
             lies = tuple(replace(relative, subject="robot/?", mark=mark) for mark, relative in enumerate(lies))
         team.settle(tick, 0.2, [says(robot, tick, lies if robot == LIAR else ()) for robot in PLACES])
@@ -63,6 +66,20 @@ def test_to_leave_out_their_names_helps_no_liar(lie: float) -> None:
     farthest, doubted = worst(lie, names=False)
     assert farthest < 0.92
     assert doubted <= {LIAR}
+
+
+@pytest.mark.parametrize("sides", [2, 3, 4])
+@pytest.mark.parametrize("lie", [0.5, 1.0, 1.5, 2.0])
+def test_who_sees_each_mate_to_another_side_is_found_out_too(lie: float, sides: int) -> None:
+    farthest, doubted = worst(lie, sides=sides)
+    assert farthest < 1.5
+    assert doubted == {LIAR}
+
+
+def test_mates_that_are_off_to_different_sides_are_held_against_who_sees_them_but_for_any_one() -> None:
+    assert not heard(Offsets(), 6.0, 0.0, 0.0)
+    assert heard(Offsets(), 6.0, -6.0, 0.0)
+    assert not heard(Offsets(), 0.3, -0.3, 0.0)
 
 
 MATES = ("robot/a", "robot/b", "robot/c")
