@@ -48,7 +48,9 @@ def draw_change(rng: np.random.Generator) -> Change:
         changes.Sure(size(0, 3)),
         changes.Gains(offset(), size(-1, 9)),
         changes.Sees(whom, offset(), sigma, always=bool(rng.random() < 0.6)),  # type: ignore[arg-type]
-        changes.Tells(str(rng.choice(list(NUMBERS))), whom, offset(), size(-4, 0.5)),  # type: ignore[arg-type]
+        changes.Tells(
+            str(rng.choice(list(NUMBERS))), whom, offset(), size(-4, 0.5), size(-2, 0), bool(rng.random() < 0.5)
+        ),  # type: ignore[arg-type]
         changes.Unnames(),
         changes.Knows(whom, offset(), size(-1, 1)),  # type: ignore[arg-type]
         changes.EchoesTeam(size(-1, 1)),

@@ -92,6 +92,10 @@ CATALOGUE = {
         Lie("tells-bearings", (Tells("bearing", "mates", ASIDE, 0.01),)),
         Lie("tells-positions", (Tells("position", "mates", CREEP, 0.01),)),
         Lie("tells-poses", (Tells("pose", "mates", ASIDE, 0.1),)),
+        Lie("apart", (Tells("position", "mates", (1.0, 0.0), 0.5, noise=0.5, apart=True),)),
+        Lie("apart-bearings", (Tells("bearing", "mates", (1.0, 0.0), 0.05, noise=0.5, apart=True),)),
+        Lie("noisy-bearings", (Tells("bearing", "mates", (1.0, 1.0), 0.03, noise=0.3),)),
+        Lie("noisy-objects", (Tells("position", "objects", (1.0, 0.0), 0.5, noise=0.5),)),
         Lie("tells-objects", (Tells("position", "objects", ASIDE, 0.1),)),
         # --- records and numbering
         Lie("epochs-true", (Epochs(),)),
@@ -120,6 +124,7 @@ CATALOGUE = {
         Lie("absurd-10", (Absurd(10),)),
         Lie("drives-double", (WrongWheels(2.0, 1.0),)),
         Lie("drives-back", (WrongWheels(-1.0, -1.0),)),
+        Lie("drives-aside", (WrongWheels(aside=5.0),)),
         Lie("wheels-vague", (WrongWheels(sigma=100.0),)),
         # --- several
         Lie("two-off", (Off(ASIDE),), liars=2),

@@ -195,21 +195,28 @@ class Unnames(Change):
 
 @dataclass(frozen=True)
 class Tells(Change):
-    """Sightings of a further kind, seen or not: `offset` from where the team has others, with a sigma (unit and rad)."""
+    """Sightings of a further kind, seen or not: `offset` from where the team has others, with a sigma (unit and rad).
+
+    With `noise` (unit) they differ from tick to tick as honest ones do; `apart`: each is told off to another side.
+    """
 
     kind: Literal["range", "bearing", "position", "pose"]
     whom: Whom
     offset: tuple[float, float]
     sigma: float
+    noise: float = 0.0
+    apart: bool = False
 
     def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
         if evidence.state is None:
             return evidence
         told, state = [], np.array(evidence.state.mean)
-        for subject in scene.targets(self.whom):
-            place = scene.place(subject)
-            if place is not None and subject != f"robot/{scene.robot}":
-                told.append(self._seen_at(state, subject, place + np.array(self.offset)))
+        subjects = [subject for subject in scene.targets(self.whom) if subject != f"robot/{scene.robot}"]
+        for number, subject in enumerate(subjects):
+            place, angle = scene.place(subject), math.tau * number / len(subjects) if self.apart else 0.0
+            if place is not None:
+                at = place + _turned(self.offset, angle) + self.noise * scene.rng.normal(size=2)
+                told.append(self._seen_at(state, subject, at))
         return evidence.model_copy(update={"seen": told[:MAX_RELATIVES]})
 
     def _seen_at(self, state: Array, subject: str, place: Array) -> Seen:
@@ -324,15 +331,20 @@ class Absurd(Change):
 
 @dataclass(frozen=True)
 class WrongWheels(Change):
-    """Its odometry tells so many times the way and the turn; the lasting errors of its wheels are `sigma` (None: as honest)."""
+    """Its odometry tells so many times the way and the turn, and a way to its left that grows by `aside` in each second.
+
+    The lasting errors of its wheels are `sigma` (None: as honest).
+    """
 
     distance: float = 1.0
     turn: float = 1.0
     sigma: float | None = None
+    aside: float = 0.0
 
     def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
         told, nuisance = evidence.travelled, evidence.nuisance
-        more = {"distance": told.distance * self.distance, "turn": told.turn * self.turn}
+        aside = told.aside + self.aside * scene.since
+        more = {"distance": told.distance * self.distance, "turn": told.turn * self.turn, "aside": aside}
         if self.sigma is not None:
             nuisance = nuisance.model_copy(update={"sigmas": (self.sigma,) * 6, "walks": (self.sigma,) * 3})
         return evidence.model_copy(update={"travelled": told.model_copy(update=more), "nuisance": nuisance})
@@ -416,6 +428,12 @@ def _increment(reference: Sequence[float], information: Array, vector: Array) ->
     return PackedIncrement(
         reference=tuple(reference), information=upper(information), vector=tuple(vector[:states].tolist())
     )
+
+
+def _turned(offset: tuple[float, float], angle: float) -> Array:
+    """An offset, turned counter-clockwise by an angle: shape (2,)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])
 
 
 def _where(pose: Array, seen: PackedRelative) -> Array:
