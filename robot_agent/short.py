@@ -14,7 +14,7 @@ import numpy as np
 from blackboard.opinion.gaussian.relation import triangle, upper
 from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Array
-from blackboard.wire.evidence import PackedEvidence, PackedIncrement, PackedRelative, PackedState, Seen
+from blackboard.wire.evidence import PackedCamera, PackedEvidence, PackedIncrement, PackedRelative, PackedState, Seen
 
 #: A larger sum stays as it is: so the sums of an epoch never shrink, and a distance is right to 1/256 of a unit.
 ROUNDED = 2.0**16
@@ -41,6 +41,8 @@ def shorter(evidence: PackedEvidence) -> PackedEvidence:
         "seen": [_seen(sighting) for sighting in evidence.seen],
         "profile": [(single(a), single(b)) for a, b in _thinned(tuple(evidence.profile))],
     }
+    if evidence.camera is not None:
+        changes["camera"] = PackedCamera(**{name: _singles(value) for name, value in evidence.camera})
     if evidence.state is not None:
         changes["state"] = _state(evidence.state)
     if evidence.increment is not None:

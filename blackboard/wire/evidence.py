@@ -38,6 +38,7 @@ MAX_RELATIVES = 64
 MAX_PROFILE = 64
 MAX_VALUES = 8
 MOST_ALIKE = 0.99
+MOST_LOG = 8.0  # of a factor of noise, binary: 256
 TIED = 1e-9  # the least eigenvalue of a sighting's covariance, of its scale
 
 
@@ -49,6 +50,10 @@ Triangle = Annotated[
 
 #: The sigma of a bias that lasts, and for how many seconds.
 LastingBias = Annotated[tuple[NonNegative, Annotated[float, Field(gt=0, le=LARGEST)]], Listed]
+
+
+#: The binary logarithm of a factor that was found: its mean, and its sigma, which was 1 before anything was seen.
+Factor = Annotated[tuple[Annotated[float, Field(ge=-MOST_LOG, le=MOST_LOG)], NonNegative], Listed]
 
 
 def _check_sizes(upper: Sequence[float], *rows: Sequence[float]) -> None:
@@ -160,6 +165,19 @@ class PackedNuisance(Part):
     """seconds after which bearing bias, slip and range scale are forgotten; 0: never"""
     alike: Annotated[NonNegative, Field(le=MOST_ALIKE)] = 0.0
     """share of the variances of scales and lag that robots which tell the same numbers here have in common, being of one make"""
+
+
+class PackedCamera(Part):
+    """How noisy a robot has found its camera by landmarks, over a model. Its sightings are told with what it has found. A joint
+    corrects them by what robots have found that tell the same model and the same `nuisance`, as far as those are `alike`.
+    """
+
+    model: Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_VALUES), Listed]
+    """any numbers that stand for the model: factors over another one are not compared"""
+    range: Factor
+    """of the sigma of a range"""
+    bearing: Factor
+    """of the sigma of a bearing"""
 
 
 class PackedRelative(Part):
@@ -284,6 +302,8 @@ class PackedEvidence(Part):
     """for 3 s after a board came, if it is sharper than `state`: the newest `state` that was agreed, moved on by the robot's own
     measurements, its covariance times 2 (n - 1); n robots are its ancestors
     """
+    camera: PackedCamera | None = None
+    """how noisy the camera is; none: its noise is not found, or each sighting says its own"""
 
     @property
     def subjects(self) -> list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from blackboard.errors import Refused
 from blackboard.opinion.classes import is_class
+from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured, triangle, upper
@@ -17,6 +18,7 @@ from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import (
     FORMER,
     MAX_RELATIVES,
+    PackedCamera,
     PackedEvidence,
     PackedIncrement,
     PackedMotion,
@@ -44,6 +46,7 @@ def pack_evidence(
     increment: Increment | None,
     relatives: Sequence[Relative],
     returned: Moments | None = None,
+    camera: CameraFound | None = None,
 ) -> PackedEvidence:
     """The evidence of one tick for a Report, but for a sighting with an error that no message holds; the profile is sent once."""
     errors = [
@@ -75,6 +78,7 @@ def pack_evidence(
         profile=list(told[0].profile) if told else [],
         seen=[_seen(sighting) for sighting in sound if sighting.kind != "range-bearing"][:MAX_RELATIVES],
         returned=None if returned is None else pack_state(returned, states),
+        camera=None if camera is None else PackedCamera(model=camera.model, range=camera.range, bearing=camera.bearing),
     )
 
 
@@ -189,6 +193,10 @@ def parts_of(odometry: Odometry, track: float = TRACK) -> tuple[float, float]:
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
     memory = tuple(seconds or np.inf for seconds in packed.memory)
     return Nuisance(packed.forward, packed.turn, packed.sigmas, packed.walks, memory, packed.alike)
+
+
+def unpack_camera(packed: PackedCamera) -> CameraFound:
+    return CameraFound(packed.model, packed.range, packed.bearing)
 
 
 def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:

@@ -105,7 +105,7 @@ class JointAgent:
         nuisance = self.filter.sensors.wheels.nuisance
         returned = self._returned(readings.time, told)
         evidence = pack_evidence(
-            told.epoch, told.travelled, nuisance, told.belief, told.unsent, told.relatives, returned
+            told.epoch, told.travelled, nuisance, told.belief, told.unsent, told.relatives, returned, told.camera
         )
         # It has none to begin with, and looks for its place itself.
         if told.belief is None and isinstance(self.filter, Given):

@@ -15,6 +15,7 @@ import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.classes import is_class
+from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
@@ -74,11 +75,12 @@ class FilterResult:
     motion: Motion = field(default_factory=Motion)  # of the tick alone
     #: What was gained since the evidence that was sent last; the same as `increment` if that was a tick ago.
     unsent: Increment | None = None
+    camera: CameraFound | None = None  # how noisy the camera is, over its model
 
     def evidence(self, robot: str, tick: int, time: float, nuisance: Nuisance) -> Evidence:
         """What a robot with this nuisance reports of the tick, which ends at a team time (s); `robot` is its subject."""
         said = self.travelled, nuisance, self.belief, self.increment, self.relatives
-        return Evidence(robot, self.epoch, tick, *said, time)
+        return Evidence(robot, self.epoch, tick, *said, time, camera=self.camera)
 
 
 @dataclass
@@ -185,7 +187,8 @@ class FirstHand:
         seen += self._unnamed(told, motion.dt)
         if self._gave_up(readings, team, apart):
             increment = unsent = None
-        return FilterResult(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent)
+        camera = self.camera.found(self.sensors.camera)
+        return FilterResult(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent, camera)
 
     def _unnamed(self, told: Readings, dt: float) -> tuple[Relative, ...]:
         """The sightings of a tick of `dt` seconds that name a class alone, numbered among all without a name."""

@@ -25,10 +25,12 @@ from typing import NamedTuple
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.cameras import CameraFound, scaled
 from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments
-from blackboard.opinion.gaussian.relation import QUARTER, Bias, Relative
+from blackboard.opinion.gaussian.relation import QUARTER, Relative
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, POSE, RANGE, Motion, Nuisance, drive_alike, wrap
 from blackboard.opinion.grid import Array
+from robot_agent.gaussian.sensors import Camera
 
 ALIKE = 8.0  # seconds in which the errors of the sightings of one landmark are alike
 #: As how many times its sigma a reading counts whose error lasts seconds. The mean of n readings a second apart, with
@@ -298,17 +300,16 @@ class CameraNoise:
     def __post_init__(self) -> None:
         self._factors = NoiseFactors((self.range,)), NoiseFactors((self.bearing,))
 
+    def found(self, model: Camera) -> CameraFound | None:
+        """What a joint is told of it, over the model that was used; None of one with a profile, whose noise is not found."""
+        if model.profile:
+            return None
+        ranges, bearings = ((factor.mean, factor.sigma) for factor in (self.range, self.bearing))
+        return CameraFound((model.floor, model.share, model.bearing), ranges, bearings)
+
     def scaled(self, relative: Relative) -> Relative:
         """A sighting whose noise is that of the model, with that which was found."""
-        if not relative.stretched:  # the sensor says itself how exact it is, or a profile does
-            return relative
-        sigma = self.range.variance**0.5
-        return replace(
-            relative,
-            range_variance=relative.range_variance * self.range.variance,
-            bearing_variance=relative.bearing_variance * self.bearing.variance,
-            biases=tuple(Bias(bias.sigma * sigma, bias.seconds) for bias in relative.biases),
-        )
+        return scaled(relative, self.range.variance, self.bearing.variance)
 
     def judge(self, relative: Relative, measured: Factor, innovation: Innovation, time: float) -> None:
         """Take a sighting of a landmark, as a factor, and what it says beyond what was expected, at a team time (s)."""

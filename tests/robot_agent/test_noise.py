@@ -19,8 +19,8 @@ from blackboard.opinion.gaussian.vehicle import (
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
-from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, NoiseFactor, NoiseFactors, WheelNoise
-from robot_agent.gaussian.sensors import Sensors, Wheels, sensors_of
+from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, CameraNoise, NoiseFactor, NoiseFactors, WheelNoise
+from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of
 from tests.robot_agent.mishaps import DRIVES, LANDMARKS
 
 SPAN = max(SPANS)
@@ -272,6 +272,14 @@ def test_a_robot_finds_how_noisy_its_camera_is(noise: float, low: float, high: f
     own, _, held = simulated(Truth(noise=noise), 300)
     assert low < math.sqrt(own.camera.range.variance) < high
     assert held > 0.9
+    told = own.camera.found(own.sensors.camera)
+    assert told is not None
+    assert low < 2 ** told.range[0] < high
+    assert told.range[1] < 0.5
+
+
+def test_a_camera_with_a_profile_tells_mates_nothing() -> None:
+    assert CameraNoise().found(Camera(profile=((1.0, 0.1), (5.0, 0.2)))) is None
 
 
 @pytest.mark.parametrize(("slip", "low", "high", "least"), [(0.01, 0.5, 0.8, 0.9), (0.09, 1.7, 3.6, 0.8)])

@@ -6,6 +6,7 @@ import msgpack
 import numpy as np
 
 from blackboard.opinion.belief import gaussian
+from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
@@ -110,6 +111,7 @@ EVIDENCE = pack_evidence(
         measured("range", "robot/r1", "robot/r3", (3.0,), (0.1,), 0.05, (Bias(0.1, 7.0),), "uwb"),
     ],
     STATE,
+    CameraFound((0.03, 0.07, 0.02), (0.5, 0.2), (-0.25, 0.1)),
 )
 FORWARD = Forward(
     board="a1",

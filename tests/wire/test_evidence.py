@@ -19,6 +19,7 @@ from blackboard.wire.gaussians import (
     pack_evidence,
     pack_state,
     pose_of,
+    unpack_camera,
     unpack_increment,
     unpack_motion,
     unpack_nuisance,
@@ -40,6 +41,7 @@ def test_evidence_is_read_back_as_it_was() -> None:
         unpack_increment(EVIDENCE.increment) if EVIDENCE.increment else None,
         unpack_relatives(EVIDENCE, "robot/r1"),
         unpack_state(EVIDENCE.returned) if EVIDENCE.returned else None,
+        unpack_camera(EVIDENCE.camera) if EVIDENCE.camera else None,
     )
     assert again == EVIDENCE
 

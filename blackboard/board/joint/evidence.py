@@ -11,7 +11,14 @@ from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import FORWARD, TURN
 from blackboard.wire.evidence import PackedEvidence
-from blackboard.wire.gaussians import unpack_increment, unpack_motion, unpack_nuisance, unpack_relatives, unpack_state
+from blackboard.wire.gaussians import (
+    unpack_camera,
+    unpack_increment,
+    unpack_motion,
+    unpack_nuisance,
+    unpack_relatives,
+    unpack_state,
+)
 from blackboard.wire.messages import Learned
 
 MOST = 1e7  # of places and their variances: ten times what stands for a place of which nothing is known
@@ -43,6 +50,7 @@ def unpack(robot: str, tick: int, time: float, packed: PackedEvidence) -> Eviden
         relatives=tuple(relative for relative in relatives if not relative.subject.startswith("landmark/")),
         time=time,
         returned=None if packed.returned is None else unpack_state(packed.returned),
+        camera=None if packed.camera is None else unpack_camera(packed.camera),
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from blackboard.opinion.classes import is_class
+from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.coalitions import Choice
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
@@ -23,6 +24,7 @@ class Evidence:
     the sum of all motions of the epoch, so that a lost report loses no motion. `belief` is the whole first-hand block
     after the tick, from which a robot enters; None while it has no single hypothesis, and then `increment` is None too.
     `time` is when the tick ended, in seconds of team time. `returned` is what an earlier joint knew of the robot (`comparing.enter`).
+    `camera` is what was found of the noise with which `relatives` are told; None of a camera of which nothing is found.
     """
 
     robot: str
@@ -35,6 +37,7 @@ class Evidence:
     relatives: tuple[Relative, ...] = ()
     time: float = 0.0
     returned: Moments | None = None
+    camera: CameraFound | None = None
 
     def named(self) -> Evidence:
         """Without the sightings of which only the class is told."""

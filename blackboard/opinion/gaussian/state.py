@@ -11,6 +11,7 @@ import numpy as np
 from blackboard.errors import Degenerate
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.absent import Absent
+from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Contacts
 from blackboard.opinion.gaussian.evidence import UnusedCounts, Verdict
@@ -69,6 +70,7 @@ class Known:
     lately: Motion = field(default_factory=Motion)
     time: float = 0.0
     nuisance: Nuisance = field(default_factory=Nuisance)
+    camera: CameraFound | None = None  # as it told last
 
     def is_over(self, epoch: int, time: float) -> bool:
         """Whether evidence until a team time (s) is of an epoch that is over; where it is later, a clock was set back."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.classes import is_class
+from blackboard.opinion.gaussian.cameras import by_mates, scaled
 from blackboard.opinion.gaussian.choosing import choose_evidence
 from blackboard.opinion.gaussian.comparing import compare, enter, multiply
 from blackboard.opinion.gaussian.drawing import draw
@@ -48,7 +49,7 @@ class TeamJoint(TeamState):
         if tick <= self.tick:
             self.tally.repeated += sum(1 for _ in reports)
             return []
-        self._settle(tick, dt, self._aligned(self._news(tick, reports)))
+        self._settle(tick, dt, self._aligned(self._as_made(self._news(tick, reports))))
         doubted = frozenset(robot for robot in self.known if self.doubts(robot))
         for robot in sorted(doubted - self._doubted):
             self._take_back(robot)
@@ -74,7 +75,7 @@ class TeamJoint(TeamState):
             known = self.known[robot]
             motion = evidence.travelled.since(known.travelled)
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
-            told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance
+            told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance, evidence.camera
             self.known[robot] = Known(known.epoch, *told)
         self.forget_objects()
         end_tick(self)
@@ -152,6 +153,24 @@ class TeamJoint(TeamState):
             else:
                 news[evidence.robot] = evidence
         return news
+
+    def _as_made(self, news: dict[str, Evidence]) -> dict[str, Evidence]:
+        """With the noise of each camera as its mates of one make have found theirs, too."""
+        return {robot: self._by_mates(evidence) for robot, evidence in news.items()}
+
+    def _by_mates(self, evidence: Evidence) -> Evidence:
+        own, nuisance = evidence.camera, evidence.nuisance
+        if own is None or not nuisance.alike:
+            return evidence
+        mates = [
+            known.camera
+            for robot, known in sorted(self.known.items())
+            if known.camera is not None and known.nuisance == nuisance and robot not in {evidence.robot, *self.left_out}
+        ]
+        by = by_mates(own, mates, nuisance.alike)
+        if by == (1.0, 1.0):
+            return evidence
+        return replace(evidence, relatives=tuple(scaled(relative, *by) for relative in evidence.relatives))
 
     def _aligned(self, news: dict[str, Evidence]) -> dict[str, Evidence]:
         """With the sightings of robots whose tick ended at another time than the observer's saying so, but for those that wait."""
