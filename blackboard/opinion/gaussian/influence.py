@@ -121,7 +121,7 @@ class Influence:
         What is `expected` is as before any of it; the factor's blocks are in the joint.
         """
         self._follow(joint)
-        rows, spread = self._rows(joint), expected.spread + factor.noise
+        rows, spread = joint.indices(self._places, 2).ravel(), expected.spread + factor.noise
         by = np.zeros((len(factor.residual), len(rows)))
         for block, part in factor.jacobians.items():
             if block in self._places:
@@ -145,7 +145,7 @@ class Influence:
     def beyond(self, joint: Joint, after: tuple[Array, Array]) -> set[str]:
         """Whose D would be too far by its C, and farther than it is, at another place than its own."""
         moved, honest = after
-        variances = joint.variances[self._rows(joint)].reshape(-1, 2).mean(axis=1)
+        variances = joint.variances[joint.indices(self._places, 2)].mean(axis=1)
         faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
         then = _squared(moved, _blocks(honest) + faint)
         if not (then > FARTHEST).any():
@@ -170,16 +170,11 @@ class Influence:
             return
         row, own = self._sources.index(robot), np.repeat([place == robot for place in self._places], 2)
         others = ~own & ~own[:, np.newaxis]
-        rows = self._rows(joint)
+        rows = joint.indices(self._places, 2).ravel()
         joint.mean[rows] -= np.where(own, 0.0, self._moved[row]) + self._share_of_ways(row)
         joint.covariance[np.ix_(rows, rows)] += np.where(others, self._honest[row], 0.0)
         self._moved[row] = np.where(own, self._moved[row], 0.0)
         self._honest[row] = np.where(own & own[:, np.newaxis], self._honest[row], 0.0)
-
-    def _rows(self, joint: Joint) -> Array:
-        """The indices of x and y of all places, shape (2 places,)."""
-        first = np.array([joint.blocks[place].start for place in self._places], dtype=np.intp)
-        return np.asarray((first[:, np.newaxis] + np.arange(2)).ravel())
 
 
 def _pairs(places: list[str], some: list[str]) -> npt.NDArray[np.intp]:

@@ -191,6 +191,11 @@ class Joint:
         """The covariances of the states of some whole blocks at a time, by their indices, shape (k, n): shape (k, n, n)."""
         return self._covariance.among(index)
 
+    def indices(self, blocks: Sequence[Block], states: int) -> npt.NDArray[np.intp]:
+        """Where the first states of some blocks stand, shape (blocks, states). KeyError: one is not in it."""
+        first = np.array([self.blocks[block].start for block in blocks], dtype=np.intp)
+        return np.asarray(first[:, np.newaxis] + np.arange(states))
+
     def moments(self, *blocks: Block) -> Moments:
         """The marginal of some blocks, in the order given."""
         if len(blocks) == 1:

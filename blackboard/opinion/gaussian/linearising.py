@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from blackboard.opinion.gaussian.forms import Form, form, of_one_number, with_heading
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
@@ -89,9 +88,9 @@ class _Ends:
 
 def _ends(joint: Joint, its: Sequence[Relative], states: int, place: Array | None, at: Array | None) -> _Ends:
     """Of sightings whose subjects have so many states in the joint; 0: they are not there."""
-    index = _indices(joint, [sighting.observer for sighting in its], STATES)
+    index = joint.indices([sighting.observer for sighting in its], STATES)
     if states:
-        index = np.concatenate([index, _indices(joint, [sighting.subject for sighting in its], states)], axis=1)
+        index = np.concatenate([index, joint.indices([sighting.subject for sighting in its], states)], axis=1)
     covariance, mean = joint.among_each(index), joint.mean[index]
     observer, subject = mean[:, :STATES], mean[:, STATES:]
     spread = covariance[:, AXES, AXES]
@@ -114,12 +113,6 @@ def _ends(joint: Joint, its: Sequence[Relative], states: int, place: Array | Non
         observer, apart = np.array([at] * len(its)), observer - at
         apart[:, HEADING] = wrap(apart[:, HEADING])
     return _Ends(observer, apart, covariance[:, HEADING, HEADING], subject, states, place is not None, spread, anchors)
-
-
-def _indices(joint: Joint, blocks: Sequence[Block], states: int) -> npt.NDArray[np.intp]:
-    """The indices of the states of some blocks of one size, shape (blocks, states)."""
-    first = np.array([joint.blocks[block].start for block in blocks], dtype=np.intp)
-    return np.asarray(first[:, np.newaxis] + np.arange(states))
 
 
 def _anchors(joint: Joint, sighting: Relative, place: Array | None, known: bool) -> dict[Block, Array]:
