@@ -281,8 +281,7 @@ class TeamJoint(TeamState):
 
     def poses(self, robots: Sequence[str]) -> Moments:
         """Whole blocks of robots, shape (k, 12) and (k, 12, 12)."""
-        first = np.array([self.joint.blocks[robot].start for robot in robots])
-        index = first[:, np.newaxis] + np.arange(STATES)
+        index = self.joint.indices(robots, STATES)
         return Moments(self.joint.mean[index], self.joint.among_each(index))
 
     def drawn(self, subject: str, grid: Grid) -> Belief:
