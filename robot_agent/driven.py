@@ -5,7 +5,6 @@ last step, and a step makes one tick of them.
 """
 
 import logging
-import math
 import statistics
 from collections import deque
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from blackboard.process.reactions import Cue
 from blackboard.process.team_clock import Pace
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Seen
-from blackboard.wire.gaussians import parts_of
+from blackboard.wire.gaussians import one_way
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from blackboard.wire.types import MAX_OPINIONS, Message
 from robot_agent.config import VisionSection, settings_of, table_of
@@ -51,7 +50,6 @@ UNKNOWN_WHEELS = Wheels(
 
 PIECES = 50  # of odometry, before it is judged which time they cover
 LACKING, UNIT = 0.7, 20.0  # times the time that passed: less leaves motion out, more is of another unit
-SUMMED = ("distance", "turn", "dt", "aside")  # of Odometry
 
 
 @dataclass(frozen=True)
@@ -66,16 +64,10 @@ class SinceStep:
     posterior: Moments | None = None  # of a filter of the robot's own
 
     def plus(self, later: "SinceStep") -> "SinceStep":
-        """Both: ways and turns add up, of place and heading the newest counts."""
+        """Both: one way follows the other, turns add up, of place and heading the newest counts."""
         before, odometry = self.odometry, later.odometry
         if before is not None and odometry is not None:
-            sums: dict[str, Any] = {name: getattr(before, name) + getattr(odometry, name) for name in SUMMED}
-            kinds = zip(parts_of(before), parts_of(odometry), strict=True)
-            sums["curved"], sums["driven"] = (one + other for one, other in kinds)
-            for name in ("distance_sigma", "turn_sigma"):
-                one, other = getattr(before, name), getattr(odometry, name)
-                sums[name] = None if one is None or other is None else math.hypot(one, other)
-            odometry = Odometry(**sums)
+            odometry = one_way(before, odometry)
         compass, fix = self.compass, self.fix
         if later.fix is not None and later.fix.heading is None and fix is not None and fix.heading is not None:
             compass = compass or (fix.heading, fix.heading_sigma)  # the fix is replaced, its heading holds

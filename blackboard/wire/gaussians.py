@@ -1,5 +1,6 @@
 """States, increments and sightings as the messages of `evidence` have them, and back."""
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -188,6 +189,34 @@ def parts_of(odometry: Odometry, track: float = TRACK) -> tuple[float, float]:
     told = (np.nan if part is None else part for part in (odometry.curved, odometry.driven))
     curved, driven = curved_and_driven(odometry.distance, odometry.turn, tuple(told), track)
     return float(curved), float(driven)
+
+
+def one_way(first: Odometry, second: Odometry) -> Odometry:
+    """Two pieces of odometry as one, which leads to where they lead: its way is seen at the heading halfway through its turn.
+
+    A sigma that one of them does not have is left out.
+    """
+    ahead = aside = on_curves = driven = 0.0
+    for piece, off in ((first, -second.turn / 2), (second, first.turn / 2)):
+        c, s = math.cos(off), math.sin(off)
+        ahead += piece.distance * c - piece.aside * s
+        aside += piece.distance * s + piece.aside * c
+        curved, turned = parts_of(piece)
+        on_curves += curved * c
+        driven += turned
+    sigmas = {}
+    for name in ("distance_sigma", "turn_sigma"):
+        one, other = getattr(first, name), getattr(second, name)
+        sigmas[name] = None if one is None or other is None else math.hypot(one, other)
+    return Odometry(
+        distance=ahead,
+        turn=first.turn + second.turn,
+        dt=first.dt + second.dt,
+        aside=aside,
+        curved=on_curves,
+        driven=driven,
+        **sigmas,
+    )
 
 
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:

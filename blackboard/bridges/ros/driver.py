@@ -8,8 +8,9 @@ from blackboard.bridges.ros.convert import Detection, PlanarPose
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.relation import upper
 from blackboard.wire.evidence import Seen
+from blackboard.wire.gaussians import one_way
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
-from blackboard.wire.types import MAX_OPINIONS
+from blackboard.wire.types import LEAST, MAX_OPINIONS
 
 PERIOD = 0.2  # seconds between two Readings at least
 GAP = 10.0  # seconds without odometry, or back in its stamps, after which it begins anew
@@ -30,7 +31,7 @@ class Driver:
         self._run = ""
         self._tick = 0
         self._last: PlanarPose | None = None
-        self._distance = self._turn = self._time = 0.0  # since the last Readings
+        self._odometry: Odometry | None = None  # since the last Readings
         self._fix: PlanarPose | None = None
         self._seen: dict[str, tuple[float, Seen]] = {}  # by subject, with the Unix time at which it was measured
         self._detected: list[tuple[float, Seen | Sighting]] = []  # by a detector, in its newest message
@@ -54,9 +55,9 @@ class Driver:
         self._moved_at = self._measured(place, now)
         turn = math.remainder(place.yaw - last.yaw, math.tau)
         way = last.yaw + turn / 2
-        self._distance += (place.x - last.x) * math.cos(way) + (place.y - last.y) * math.sin(way)
-        self._turn += turn
-        self._time += dt
+        dx, dy, c, s = place.x - last.x, place.y - last.y, math.cos(way), math.sin(way)
+        piece = Odometry(distance=dx * c + dy * s, aside=dy * c - dx * s, turn=turn, dt=max(dt, LEAST))
+        self._odometry = piece if self._odometry is None else one_way(self._odometry, piece)
 
     def fix(self, place: PlanarPose) -> None:
         """Take an absolute pose, in the team's frame."""
@@ -104,7 +105,6 @@ class Driver:
         if now < self._sent_at + PERIOD or not self._waits:
             return None
         self._run = self._run or f"ros since {now:.0f}"
-        moved = Odometry(distance=self._distance, turn=self._turn, dt=max(self._time, 1e-6)) if self._time > 0 else None
         time = min(now, max(now if self._moved_at is None else self._moved_at, self._told_at))
         waiting = (*self._seen.values(), *self._detected)
         aged = [sighting.model_copy(update={"age": max(0.0, time - at)}) for at, sighting in waiting]
@@ -113,13 +113,13 @@ class Driver:
             robot=self.robot,
             tick=self._tick,
             time=time,
-            odometry=moved,
+            odometry=self._odometry,
             fix=self._fixed(),
             sightings=[sighting for sighting in aged if isinstance(sighting, Sighting)],
             seen=[sighting for sighting in aged if isinstance(sighting, Seen)],
         )
         self._seen, self._detected, self._moved_at = {}, [], None
-        self._distance = self._turn = self._time = 0.0
+        self._odometry = None
         self._fix, self._told_at, self._sent_at = None, time, now
         self._tick += 1
         return readings
@@ -135,7 +135,7 @@ class Driver:
 
     @property
     def _waits(self) -> bool:
-        return self._time > 0 or self._fix is not None or bool(self._seen or self._detected)
+        return self._odometry is not None or self._fix is not None or bool(self._seen or self._detected)
 
     def _fixed(self) -> Fix | None:
         place = self._fix

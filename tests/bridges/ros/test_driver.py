@@ -11,6 +11,7 @@ pytest.importorskip("rosbags", reason="no rosbags: pip install '.[ros]'")
 from blackboard.bridges.ros.convert import ANY_HEADING, Detection, PlanarPose
 from blackboard.bridges.ros.driver import FASTEST, GAP, PERIOD, Driver
 from blackboard.errors import Refused
+from blackboard.opinion.gaussian.vehicle import kinds
 from blackboard.wire.messages import Readings
 from tests.present import present
 
@@ -49,17 +50,23 @@ def test_odometry_is_summed_up_and_told_once_per_period() -> None:
 def test_the_way_comes_out_whichever_way_the_robot_looked_at_the_start(
     steps: list[tuple[float, float]], yaw: float
 ) -> None:
-    """Arcs of a forward distance and a turn, by the chord of each."""
+    """Arcs of a forward distance and a turn, by the chord of each; before, a turn and then a straight way were taken for a curve."""
     driver, x, y = Driver("r1"), 2.0, -1.0
     driver.move(at(0.0, x, y, yaw), 0.0)
+    halfway = yaw + sum(turn for _, turn in steps) / 2
     for n, (distance, turn) in enumerate(steps):
         x, y = x + distance * math.cos(yaw + turn / 2), y + distance * math.sin(yaw + turn / 2)
         yaw = math.remainder(yaw + turn, math.tau)
         driver.move(at((n + 1) / 10, x, y, yaw), 0.0)
     readings = present(driver.readings(0.0))
     assert readings.odometry is not None
-    assert readings.odometry.distance == pytest.approx(sum(distance for distance, _ in steps), abs=1e-9)
-    assert readings.odometry.turn == pytest.approx(sum(turn for _, turn in steps), abs=1e-9)
+    moved, c, s = readings.odometry, math.cos(halfway), math.sin(halfway)
+    assert moved.turn == pytest.approx(sum(turn for _, turn in steps), abs=1e-9)
+    assert 2.0 + moved.distance * c - moved.aside * s == pytest.approx(x, abs=1e-9)
+    assert -1.0 + moved.distance * s + moved.aside * c == pytest.approx(y, abs=1e-9)
+    assert len(steps) == 1 or moved.driven == pytest.approx(
+        sum(turn * float(kinds(distance, turn)[1]) for distance, turn in steps), abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("subject", ["object/ball", "robot/r2"])

@@ -1,0 +1,252 @@
+"""Random grounds on which three robots drive smoothly, whatever their rates. `python -m tests.field.grounds FIRST PAST`.
+
+All move on in small pieces of time. A robot sums the pieces of its odometry until it steps, and sees where the others then are. Beside
+the team is one filter with all pieces, all readings and the true models. Metres, radians, seconds.
+"""
+
+import argparse
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blackboard.config import Scenario
+from blackboard.wire.messages import Odometry
+from examples.field.central import Central
+from examples.field.world import Said, Seen, Truth
+from robot_agent.driven import SinceStep
+from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, show
+
+PIECE = 0.05
+BALL = "object/ball"
+MARGIN = 1.0  # metres that goals keep from the walls
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kit(Truth):
+    """What one robot is like."""
+
+    pieces: int  # of time, in a step
+    phase: int  # pieces by which it steps late
+    speed: float = 0.6  # m/s
+    turning: float = 1.0  # rad/s
+    gps: float = 0.0  # 0: it has none
+
+
+@dataclass
+class Ground:
+    """Mutable; `passing` moves it on. `hertz`: the rate of all robots [default: drawn for each]."""
+
+    seed: int
+    hertz: float | None = None
+    together: bool = False  # all step at the same times
+    ball: float = 0.3  # of its random walk, per sqrt(s)
+    rolls: float = 0.0  # m/s: in place of walking it rolls, and the walls throw it back
+    kits: dict[str, Kit] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.random = draw = np.random.default_rng(self.seed)
+        self.size = draw.uniform((8.0, 6.0), (20.0, 14.0)).round()
+        with_gps = f"r{draw.integers(1, 4)}"
+        self.kits = {robot: self._kit(robot == with_gps) for robot in ("r1", "r2", "r3")}
+        low, high = np.full(2, MARGIN), self.size - MARGIN
+        self.poses = {r: np.array([*draw.uniform(low, high), draw.uniform(-3, 3)]) for r in self.kits}
+        self.goals = {r: draw.uniform(low, high) for r in self.kits}
+        self.place = draw.uniform(self.size / 3, self.size * 2 / 3)
+        angle = draw.uniform(-math.pi, math.pi)
+        self.velocity = self.rolls * np.array([math.cos(angle), math.sin(angle)])
+        self.number = 0
+
+    def _kit(self, has_gps: bool) -> Kit:
+        draw = self.random.uniform
+        hertz = self.hertz or float(self.random.choice([2.0, 5.0, 10.0]))
+        pieces = round(1 / hertz / PIECE)
+        return Kit(
+            pieces=pieces,
+            phase=0 if self.together else int(self.random.integers(0, pieces)),
+            speed=draw(0.3, 1.0),
+            turning=draw(0.5, 1.5),
+            along=draw(0.02, 0.08),
+            turn=draw(0.01, 0.05),
+            gps=draw(0.2, 0.6) if has_gps else 0.0,
+            gps_every=float(self.random.choice([0.5, 1.0, 2.0])),
+            range=draw(0.05, 0.2),
+            bearing=draw(0.02, 0.06),
+            reach=draw(4.0, 10.0),
+            view=draw(1.0, math.pi),
+            seen_every=0.5,
+            ball=0.0 if self.rolls else self.ball,
+            dt=PIECE,
+        )
+
+    @property
+    def time(self) -> float:
+        return self.number * PIECE
+
+    def passing(self, seconds: float) -> Iterator[Mapping[str, Said]]:
+        """What each robot's sensors say in each piece of time, the starts first; `steps` says who steps at its end."""
+        yield {robot: self._start(robot) for robot in self.kits}
+        for self.number in range(1, round(seconds / PIECE) + 1):
+            self._roll()
+            driven = {robot: self._drive(robot) for robot in self.kits}
+            yield {robot: self._with_seen(robot, said) for robot, said in driven.items()}
+
+    def steps(self, robot: str) -> bool:
+        kit = self.kits[robot]
+        return (self.number - kit.phase) % kit.pieces == 0
+
+    def _start(self, robot: str) -> Said:
+        kit = self.kits[robot]
+        start = self.poses[robot] + self.random.normal(size=3) * (kit.start, kit.start, kit.start_heading)
+        return Said(0.0, 0.0, PIECE, start=(float(start[0]), float(start[1]), float(start[2])))
+
+    def _drive(self, robot: str) -> Said:
+        kit, pose, draw = self.kits[robot], self.poses[robot], self.random.normal
+        while math.dist(pose[:2], self.goals[robot]) < 0.5:
+            self.goals[robot] = self.random.uniform(np.full(2, MARGIN), self.size - MARGIN)
+        dx, dy = self.goals[robot] - pose[:2]
+        off = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
+        turn = float(np.clip(off, -kit.turning * PIECE, kit.turning * PIECE))
+        distance = kit.speed * (1.0 if abs(off) < 1.0 else 0.2) * PIECE
+        pose[:2] += distance * np.array([math.cos(pose[2] + turn / 2), math.sin(pose[2] + turn / 2)])
+        pose[2] = math.remainder(pose[2] + turn, math.tau)
+        measured = distance + draw() * kit.along * math.sqrt(distance), turn + draw() * kit.turn * math.sqrt(PIECE)
+        return Said(*measured, PIECE)
+
+    def _with_seen(self, robot: str, said: Said) -> Said:
+        kit, pose, draw = self.kits[robot], self.poses[robot], self.random.normal
+        if not self.steps(robot):
+            return said
+        step = (self.number - kit.phase) // kit.pieces
+        gps = None
+        if kit.gps and step % max(1, round(kit.gps_every / PIECE / kit.pieces)) == 0:
+            place = pose[:2] + draw(size=2) * kit.gps
+            gps = float(place[0]), float(place[1])
+        seen = tuple(self._seen(robot)) if step % max(1, round(kit.seen_every / PIECE / kit.pieces)) == 0 else ()
+        return replace(said, gps=gps, seen=seen)
+
+    def _seen(self, robot: str) -> Iterator[Seen]:
+        kit, pose, draw = self.kits[robot], self.poses[robot], self.random.normal
+        things = {f"robot/{r}": self.poses[r][:2] for r in self.kits if r != robot} | {BALL: self.place}
+        for subject, place in things.items():
+            dx, dy = place - pose[:2]
+            bearing = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
+            if math.hypot(dx, dy) < kit.reach and abs(bearing) < kit.view:
+                yield Seen(subject, max(0.0, math.hypot(dx, dy) + draw() * kit.range), bearing + draw() * kit.bearing)
+
+    def _roll(self) -> None:
+        walked = 0.0 if self.rolls else self.ball * math.sqrt(PIECE)
+        place = self.place + self.velocity * PIECE + self.random.normal(size=2) * walked
+        out = (place < 0.0) | (place > self.size)
+        self.velocity = np.where(out, -self.velocity, self.velocity)
+        self.place = np.where(place < 0.0, -place, np.where(place > self.size, 2 * self.size - place, place))
+
+
+class Filter(Central):
+    """Some robots, each with its own kit."""
+
+    def __init__(self, kits: Mapping[str, Kit]) -> None:
+        super().__init__((*kits,), next(iter(kits.values())))
+        self.kits = kits
+        self.mean[self.ball] = 0.0
+
+    def step(self, said: Mapping[str, Said]) -> None:
+        drift = self.truth.ball**2 * PIECE
+        self.covariance[self.ball, self.ball] += np.eye(2) * drift
+        for robot, kit in self.kits.items():
+            self.truth = replace(kit, ball=0.0)
+            super().step({robot: replace(said[robot], gps=None, seen=())})
+        for robot, kit in self.kits.items():
+            self.truth = replace(kit, ball=0.0)
+            step = said[robot]
+            known = tuple(s for s in step.seen if s.subject == BALL or s.subject.partition("/")[2] in self.kits)
+            super().step({robot: Said(0.0, 0.0, 0.0, gps=step.gps, seen=known)})
+        self.truth = next(iter(self.kits.values()))
+
+
+def odometry_of(pieces: list[Said], kit: Kit, told: bool) -> Odometry:
+    """The sum of some pieces; `told`: with its sigmas."""
+    distance, turn, dt = (sum(getattr(piece, name) for piece in pieces) for name in ("distance", "turn", "dt"))
+    sigmas = {}
+    if told:
+        sigmas = {"distance_sigma": kit.along * math.sqrt(abs(distance)), "turn_sigma": kit.turn * math.sqrt(dt)}
+    return Odometry(distance=distance, turn=turn, dt=dt, **sigmas)
+
+
+class Grounds(Robots):
+    """A board and a team of robots that are driven by a ground. `each`: pieces of odometry are told one by one, not summed."""
+
+    def __init__(self, ground: Ground, *, told: bool = False, each: bool = False, **board: object) -> None:
+        width, height = ground.size
+        cell = 0.25
+        drift = {} if ground.rolls else {"objects_drift": ground.ball}
+        chosen = Scenario(
+            {
+                "team": {"name": "t", "sub_teams": {"a": [*ground.kits]}},
+                "grid": {"shape": [round(width / cell), round(height / cell)], "cell": cell, "unit": "m"},
+                "board": {"fusion": "joint", **drift, **board},
+            }
+        )
+        super().__init__(chosen, 0.2 * (0.618 * ground.seed % 1.0))
+        self.ground, self.told, self.each = ground, told, each
+
+    def play(self, seconds: float) -> Scores:
+        """Scores by who believes (`team`, `central`, `alone`) and subject."""
+        ground, scores = self.ground, new_scores()
+        central, alone = Filter(ground.kits), {robot: Filter({robot: kit}) for robot, kit in ground.kits.items()}
+        begin = self.now + 1.0
+        self.run_to(begin)
+        pieces: dict[str, list[Said]] = {robot: [] for robot in ground.kits}
+        for said in ground.passing(seconds):
+            central.step(said)
+            for robot, own in alone.items():
+                own.step(said)
+                pieces[robot].append(said[robot])
+            self.run_to(max(self.now, begin + ground.time))
+            for robot, kit in ground.kits.items():
+                if ground.number and not ground.steps(robot):
+                    continue
+                since = self._since(said[robot], pieces[robot], kit)
+                pieces[robot] = []
+                pose, out = self.robots[robot].step(since, self.now, begin + ground.time)
+                self.send(self.robots[robot], out)
+                if ground.time >= SETTLED:
+                    note(scores, robot, pose, ground.poses[robot], central, alone[robot])
+            if ground.time >= SETTLED and ground.number % 4 == 0:
+                self.note_ball(scores, "ball", ground.place, central)
+        return scores
+
+    def _since(self, last: Said, pieces: list[Said], kit: Kit) -> SinceStep:
+        since = replace(gathered(last, kit, False), odometry=None)
+        if last.start is not None:
+            return since
+        for part in [[piece] for piece in pieces] if self.each else [pieces]:
+            since = since.plus(SinceStep(odometry_of(part, kit, self.told)))
+        return since
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("first", type=int)
+    parser.add_argument("past", type=int)
+    parser.add_argument("--hertz", type=float)
+    parser.add_argument("--ball", type=float, default=0.3)
+    parser.add_argument("--rolls", type=float, default=0.0)
+    parser.add_argument("--seconds", type=float, default=90.0)
+    parser.add_argument("--told", action="store_true")
+    parser.add_argument("--each", action="store_true")
+    parser.add_argument("--together", action="store_true")
+    chosen = parser.parse_args()
+    totals = new_scores()
+    for seed in range(chosen.first, chosen.past):
+        ground = Ground(seed, chosen.hertz, chosen.together, chosen.ball, chosen.rolls)
+        played = Grounds(ground, told=chosen.told, each=chosen.each).play(chosen.seconds)
+        ratios = [f"{n} {t.rmse / played['central'][n].rmse:.2f} {t.coverage():.2f}" for n, t in played["team"].items()]
+        print(seed, ", ".join(ratios), flush=True)
+        add_all(totals, played)
+    show(totals)
+
+
+if __name__ == "__main__":
+    main()
