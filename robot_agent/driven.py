@@ -5,6 +5,7 @@ last step, and a step makes one tick of them.
 """
 
 import logging
+import math
 import statistics
 from collections import deque
 from collections.abc import Callable
@@ -48,6 +49,7 @@ UNKNOWN_WHEELS = Wheels(
 )
 
 
+BENDS = 0.5 / math.sqrt(3)  # `Wheels.bends`: a turn begins or ends at any time within a step
 PIECES = 50  # of odometry, before it is judged which time they cover
 LACKING, UNIT = 0.7, 20.0  # times the time that passed: less leaves motion out, more is of another unit
 
@@ -188,7 +190,7 @@ class Driven(AgentService):
         """What stands for the robot's own filter, from its first posterior on. Its lasting errors are left to that filter."""
         its = self.agent.filter if isinstance(self.agent, JointAgent) else None
         if not isinstance(its, Given):
-            wheels = replace(self._sensors.wheels, nuisance=Nuisance())
+            wheels = replace(self._sensors.wheels, nuisance=Nuisance(), bends=0.0)
             sensors = replace(self._sensors, wheels=wheels)
             self._new_agent = partial(JointAgent, self.robot, self.settings, self.grid, sensors=sensors, own=True)
             self.agent = self._new_agent()
@@ -213,9 +215,10 @@ def sensors_in(scenario: Scenario, robot: str) -> Sensors:
     settings = settings_of(scenario, robot)
     configured = sensors_of(settings)
     seen, told = VisionSection() == settings.vision, "odometry" in table_of(scenario, robot)
+    wheels = wheels_of(settings.odometry, settings.ranging.scale) if told else UNKNOWN_WHEELS
     return replace(
         configured,
-        wheels=wheels_of(settings.odometry, settings.ranging.scale) if told else UNKNOWN_WHEELS,
+        wheels=replace(wheels, bends=BENDS),
         camera=Camera() if seen else configured.camera,
     )
 

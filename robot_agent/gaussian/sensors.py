@@ -63,6 +63,9 @@ class Wheels:
     driven: float = 1.0  # the scale of a turn while it drives, over that on the spot
     lag: float = 0.0  # seconds by which it moves later than told
     drift: float = 0.0  # rad/s by which it turns more than told while it moves
+    #: Share of the change of the turn since the step before by which the way's direction may differ from the middle of the turn:
+    #: of a turn that begins or ends at any time within the step, half of 1 / sqrt(3).
+    bends: float = 0.0
 
     def motion(self, told: Odometry, before: Odometry | None) -> Motion:
         """A tick's motion with its noise; `before` is the odometry of the tick before.
@@ -85,6 +88,8 @@ class Wheels:
         turn -= self.lag * change
         turn += self.drift * told.dt if moving else 0.0
         across = self.across**2 * time if told.distance_sigma is None else 0.0
+        if told.curved is None:  # of one piece nobody knows where in it the turn was
+            across += (self.bends * change * told.dt * told.distance) ** 2
         if told.aside:  # the noise of a way to the side is that of the same way ahead
             fresh = along + self.way**2 * abs(told.aside) if told.distance_sigma is None else told.distance_sigma**2
             across += fresh * abs(told.aside) / math.hypot(told.distance, told.aside)

@@ -126,6 +126,24 @@ def test_a_step_leads_to_where_its_pieces_led(pieces: list[tuple[float, float, f
     assert at["whole"] == pytest.approx(at["apart"], abs=1e-9)
 
 
+@pytest.mark.parametrize(("pieces", "wider"), [(1, True), (10, False)])
+def test_a_turn_somewhere_in_a_long_step_leaves_unknown_where_it_leads(pieces: int, wider: bool) -> None:
+    """Summed by a program over 0.5 s, it was taken for an even curve without any error. Told piece by piece it is known."""
+
+    def across(turn: float) -> float:
+        robot = new_robot(scenario=Scenario({"robot": {"odometry": {"along": 0.0, "turn": 0.0}}}))
+        robot.step(START, NOW)
+        for number, turned in enumerate((0.0, 0.0, 0.0, turn), 1):
+            piece = Odometry(
+                distance=0.4 / pieces, turn=turned / pieces, dt=0.5 / pieces, turn_sigma=0.0, distance_sigma=0.01
+            )
+            step = reduce(SinceStep.plus, [SinceStep(piece)] * pieces)
+            pose, _ = robot.step(step, NOW + 0.5 * number)
+        return float(np.linalg.eigvalsh(present(pose).covariance[:2, :2])[-1])
+
+    assert (across(0.5) > across(0.0) + 0.03**2) == wider
+
+
 def test_a_fix_without_a_heading_leaves_the_heading_of_the_one_before() -> None:
     """A start and GPS in one step: without the heading the robot looked for its pose on the grid."""
     gps = SinceStep(fix=Fix(position=(5.0, 4.1), sigma=0.3))
