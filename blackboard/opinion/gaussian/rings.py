@@ -54,14 +54,15 @@ class RingPlace:
 
 @dataclass
 class Ring:
-    """Mutable: what was seen of one thing. `walk` is how it moves, unit / sqrt(s)."""
+    """Mutable: what was seen of one thing. `walk` is how it moves, unit / sqrt(s); `finder` is the robot that saw it first."""
 
     walk: float = 0.0
+    finder: str = ""
     _lines: list[Line] = field(default_factory=list)
 
     def copy(self) -> "Ring":
         """The same, which may be changed without changing this one."""
-        return Ring(self.walk, self._lines.copy())
+        return Ring(self.walk, self.finder, self._lines.copy())
 
     def add(self, line: Line) -> None:
         """Keep a sighting, and forget those that are old; of too many, the older of the two of a kind from the nearest places."""

@@ -141,9 +141,8 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
         return
     if not relative.places and not (team.knows(observer) and team.knows(subject)):
         team.tally.silent += 1
-        room = subject in team.rings or len(team.rings) < MAX_RINGS
-        if not robot and subject not in team.joint and team.knows(observer) and room:
-            ring = team.rings.setdefault(subject, Ring(team.drift_of(subject)))
+        if not robot and subject not in team.joint and team.knows(observer) and _has_room(team, subject, observer):
+            ring = team.rings.setdefault(subject, Ring(team.drift_of(subject), observer))
             ring.add(line_of(team.joint.moments(observer), relative, motions.get(observer), team.elapsed))
         return
     if robot and subject not in heard:
@@ -169,6 +168,18 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     team.note_errors(relative)
     if not robot:
         team.seen[subject] = 0.0
+
+
+def _has_room(team: TeamState, subject: str, observer: str) -> bool:
+    """Whether there is room for the ring of a subject; where all is full, the newest of who found the most goes for one of less."""
+    if subject in team.rings or len(team.rings) < MAX_RINGS:
+        return True
+    found = Counter(ring.finder for ring in team.rings.values())
+    greediest = max(sorted(found), key=found.__getitem__)
+    if found[greediest] <= found[observer] + 1:
+        return False
+    del team.rings[[name for name, ring in team.rings.items() if ring.finder == greediest][-1]]
+    return True
 
 
 def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Innovation) -> Factor | None:

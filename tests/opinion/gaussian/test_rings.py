@@ -1,6 +1,7 @@
 """What only ranges or bearings are known of: a place once they close, both of two mirror images until then."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Kind, measured
 from blackboard.opinion.gaussian.rings import SURE, Line, Ring
+from blackboard.opinion.gaussian.sightings import MAX_RINGS
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
@@ -115,6 +117,18 @@ def test_an_object_that_is_measured_by_ranges_or_bearings_alone_enters_once_they
     marginal = team.marginal("object/ball")
     assert marginal.mean == pytest.approx(THERE, abs=0.15)
     assert math.sqrt(np.trace(marginal.covariance)) < 0.2
+
+
+def test_who_invents_things_leaves_room_for_those_that_others_measure_by_bearings() -> None:
+    chance, team = np.random.default_rng(2), TeamJoint(Objects(drift=0.05))
+    robots = {"robot/r0": np.array([0.0, 0.0]), "robot/r1": np.array([4.0, 0.0]), "robot/r2": np.array([1.0, 5.0])}
+    for tick in range(20):
+        liar = standing("robot/r9", np.array([9.0, 9.0]), tick, "bearing", chance)
+        invented = tuple(replace(liar.relatives[0], subject=f"object/x{number}") for number in range(40))
+        honest = [standing(robot, place, tick, "bearing", chance) for robot, place in robots.items()]
+        team.settle(tick, 0.2, [replace(liar, relatives=invented), *(honest if tick >= 3 else [])])
+        assert len(team.rings) <= MAX_RINGS
+    assert team.marginal("object/ball").mean == pytest.approx(THERE, abs=0.15)
 
 
 def test_an_object_in_one_of_two_places_is_in_doubt_and_no_part_of_the_joint() -> None:
