@@ -38,7 +38,7 @@ MAX_RELATIVES = 64
 MAX_PROFILE = 64
 MAX_VALUES = 8
 MOST_ALIKE = 0.99
-MOST_LOG = 8.0  # of a factor of noise, binary: 256
+MOST_LOG = 4.0  # binary logarithm of a factor of noise: 16 times; robots estimate up to 8
 TIED = 1e-9  # the least eigenvalue of a sighting's covariance, of its scale
 
 
@@ -52,7 +52,7 @@ Triangle = Annotated[
 LastingBias = Annotated[tuple[NonNegative, Annotated[float, Field(gt=0, le=LARGEST)]], Listed]
 
 
-#: The binary logarithm of a factor that was found: its mean, and its sigma, which was 1 before anything was seen.
+#: Mean and sigma of the binary logarithm of an estimated factor. The sigma is 1 before anything was seen.
 Factor = Annotated[tuple[Annotated[float, Field(ge=-MOST_LOG, le=MOST_LOG)], NonNegative], Listed]
 
 
@@ -168,12 +168,13 @@ class PackedNuisance(Part):
 
 
 class PackedCamera(Part):
-    """How noisy a robot has found its camera by landmarks, over a model. Its sightings are told with what it has found. A joint
-    corrects them by what robots have found that tell the same model and the same `nuisance`, as far as those are `alike`.
+    """A robot's estimate, by landmarks, of its camera's true noise over its model's. The variances of its `relatives` are scaled by it
+    already. A joint scales them further, by the estimates of robots that tell the same `model` and `nuisance`: its `alike` is
+    the share that they have in common.
     """
 
     model: Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_VALUES), Listed]
-    """any numbers that stand for the model: factors over another one are not compared"""
+    """the sigmas of the model, in any order: estimates over another model are not compared"""
     range: Factor
     """of the sigma of a range"""
     bearing: Factor

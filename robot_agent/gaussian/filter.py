@@ -75,7 +75,7 @@ class FilterResult:
     motion: Motion = field(default_factory=Motion)  # of the tick alone
     #: What was gained since the evidence that was sent last; the same as `increment` if that was a tick ago.
     unsent: Increment | None = None
-    camera: CameraFound | None = None  # how noisy the camera is, over its model
+    camera: CameraFound | None = None  # the estimate of the camera's noise
 
     def evidence(self, robot: str, tick: int, time: float, nuisance: Nuisance) -> Evidence:
         """What a robot with this nuisance reports of the tick, which ends at a team time (s); `robot` is its subject."""

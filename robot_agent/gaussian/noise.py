@@ -301,7 +301,7 @@ class CameraNoise:
         self._factors = NoiseFactors((self.range,)), NoiseFactors((self.bearing,))
 
     def found(self, model: Camera) -> CameraFound | None:
-        """What a joint is told of it, over the model that was used; None of one with a profile, whose noise is not found."""
+        """What the robot tells a joint of its camera's noise. None of a camera with a profile, whose noise is not estimated."""
         if model.profile:
             return None
         ranges, bearings = ((factor.mean, factor.sigma) for factor in (self.range, self.bearing))

@@ -14,7 +14,7 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.wire.codec import decode, encode
-from blackboard.wire.evidence import Forward, PackedIncrement, PackedState, Seen
+from blackboard.wire.evidence import Forward, PackedCamera, PackedIncrement, PackedState, Seen
 from blackboard.wire.gaussians import (
     pack_evidence,
     pack_state,
@@ -196,3 +196,11 @@ def test_a_state_of_too_few_numbers_is_told_how_many_it_has() -> None:
 def test_rows_and_matrices_of_different_sizes_are_refused(sizes: tuple[int, int]) -> None:
     with pytest.raises(ValidationError, match="a state has 9 or 12 numbers"):
         PackedState(mean=(0.0,) * sizes[0], covariance=(0.0,) * sizes[1])
+
+
+@pytest.mark.parametrize("factor", [(4.5, 0.1), (-4.5, 0.1), (0.0, -0.1), (float("nan"), 0.1), (0.0, float("inf"))])
+def test_a_camera_that_is_more_than_sixteen_times_off_is_refused(factor: tuple[float, float]) -> None:
+    assert EVIDENCE.camera is not None
+    camera = EVIDENCE.camera.model_dump()
+    with pytest.raises(ValueError, match="bearing"):
+        PackedCamera.model_validate(camera | {"bearing": factor})

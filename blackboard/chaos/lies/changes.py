@@ -331,9 +331,9 @@ class Absurd(Change):
 
 @dataclass(frozen=True)
 class WrongWheels(Change):
-    """Its odometry tells so many times the way and the turn, and a way to its left that grows by `aside` in each second.
+    """Its odometry tells `distance` times the way and `turn` times the turn, and a false way to its left.
 
-    The lasting errors of its wheels are `sigma` (None: as honest).
+    That way grows by `aside` (unit) with each second. The sigmas of its wheels' lasting errors are `sigma` (None: as honest).
     """
 
     distance: float = 1.0

@@ -1,8 +1,8 @@
-"""How noisy cameras of one make are: who sees landmarks finds it, and that says it of mates who see none.
+"""How noisy cameras of one make are. A robot that sees landmarks measures its camera's noise; mates that see none learn from it.
 
-A robot holds the noise of its camera to be so many times what its model says. The logarithms of these factors are exchangeable among
-robots of one make (Gelman et al., Bayesian Data Analysis, chapter 5): a share of their variance is the make's, and all have it in
-common. Each robot tells what it has found alone, and its sightings with it. A joint corrects them by what its mates have found.
+Each robot estimates a factor: its camera's true sigma over its model's. The logarithms of these factors are exchangeable among robots
+of one make (Gelman et al., Bayesian Data Analysis, chapter 5): the make's mean has a share of their variance. A robot scales its
+sightings by its own estimate and tells it. The joint scales them further, to the estimate given what all robots of the make told.
 """
 
 from collections.abc import Iterable, Sequence
@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 from blackboard.opinion.gaussian.relation import Bias, Relative
 
-MOST = 1.0  # sigmas of the prior: a mate's factor counts for no more, because nobody can check it
-TINY = 1e-3  # of a sigma, and of a precision: less counts as this much, and as nothing
+#: Sigmas of the prior: a mate's estimate is clipped to so many, because nobody can check what it tells.
+MOST = 1.0
+TINY = 1e-3  # the least sigma that is believed, and the least precision that counts
 #: Mean and sigma of the binary logarithm of a factor. Its prior is 0 and 1.
 Found = tuple[float, float]
 UNKNOWN: Found = (0.0, 1.0)
@@ -19,9 +20,9 @@ UNKNOWN: Found = (0.0, 1.0)
 
 @dataclass(frozen=True)
 class CameraFound:
-    """What a robot has found alone: the factors of the sigmas of its ranges and bearings, over those of a model.
+    """A robot's own estimates of the factors for its ranges and its bearings.
 
-    `model` are the numbers of that model. Factors over different models are not compared.
+    `model` are the sigmas that the factors multiply (`Camera`). Factors of different models are not compared.
     """
 
     model: tuple[float, ...]
@@ -45,7 +46,7 @@ def scaled(relative: Relative, ranges: float, bearings: float) -> Relative:
 
 
 def by_mates(own: CameraFound, mates: Iterable[CameraFound], alike: float) -> tuple[float, float]:
-    """By how much the variances of a robot's ranges and bearings are larger than it has found alone, as its mates say.
+    """By what to multiply the variances of a robot's ranges and bearings, which it has scaled by its own estimates.
 
     `alike` is the share of the make in the variance of a factor's logarithm.
     """
@@ -55,7 +56,7 @@ def by_mates(own: CameraFound, mates: Iterable[CameraFound], alike: float) -> tu
 
 
 def _corrected(own: Found, mates: Sequence[Found], alike: float) -> float:
-    total = weighted = 0.0  # precisions of what mates say of the make's factor, and their sum with its values
+    total = weighted = 0.0  # of the mates' estimates: the sum of precisions, and of precisions times values
     for value, precision in map(_learned, mates):
         if precision:
             counts = 1.0 / (1.0 - alike + 1.0 / precision)
@@ -71,7 +72,7 @@ def _corrected(own: Found, mates: Sequence[Found], alike: float) -> float:
 
 
 def _learned(told: Found) -> Found:
-    """What a robot learned beyond its prior, as a measurement: its value and its precision, 0 of nothing."""
+    """An estimate without its prior, as a measurement: value and precision, which is 0 where nothing was measured."""
     mean, sigma = told
     precision = 1.0 / max(sigma, TINY) ** 2 - 1.0
     return (mean * (1.0 + precision) / precision, precision) if precision > TINY else (0.0, 0.0)

@@ -70,7 +70,7 @@ class Known:
     lately: Motion = field(default_factory=Motion)
     time: float = 0.0
     nuisance: Nuisance = field(default_factory=Nuisance)
-    camera: CameraFound | None = None  # as it told last
+    camera: CameraFound | None = None  # its newest estimate of its camera's noise
 
     def is_over(self, epoch: int, time: float) -> bool:
         """Whether evidence until a team time (s) is of an epoch that is over; where it is later, a clock was set back."""

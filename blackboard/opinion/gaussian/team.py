@@ -155,7 +155,7 @@ class TeamJoint(TeamState):
         return news
 
     def _as_made(self, news: dict[str, Evidence]) -> dict[str, Evidence]:
-        """With the noise of each camera as its mates of one make have found theirs, too."""
+        """The same, with sightings scaled by what robots of one make know of their cameras' noise (`cameras`)."""
         return {robot: self._by_mates(evidence) for robot, evidence in news.items()}
 
     def _by_mates(self, evidence: Evidence) -> Evidence:

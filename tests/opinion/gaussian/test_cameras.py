@@ -67,6 +67,26 @@ def test_a_sighting_that_says_how_exact_it_is_stays_as_it_is() -> None:
     assert scaled(exact, 4.0, 0.25) == exact
 
 
+@pytest.mark.parametrize("own", [(-4.0, 1e7), (-4.0, 0.0), (4.0, 0.0), (4.0, 1.0)])
+@pytest.mark.parametrize("mate", [(-4.0, 0.0), (4.0, 0.0)])
+@pytest.mark.parametrize(("variance", "lasting"), [(1e-12, 0.0), (1e7, 1e7)])
+def test_no_claim_within_the_format_ends_a_joint_or_moves_a_mate_that_was_not_seen(
+    own: Found, mate: Found, variance: float, lasting: float
+) -> None:
+    joint, cameras = TeamJoint(), {"robot/r1": own, "robot/r2": UNKNOWN, "robot/r3": mate}
+    lie = Relative("robot/r1", "robot/r2", 2.5, 0.0, variance, 0.01, biases=(Bias(lasting, 100.0),))
+    for tick in range(1, 8):
+        evidence = []
+        for place, (robot, found_of_it) in enumerate(cameras.items()):
+            belief = entering(Moments(np.array([2.0 * place, 0.0, 0.0]), np.diag([0.01, 0.01, 1e-4])), NUISANCE)
+            camera, seen = CameraFound(MODEL, found_of_it, found_of_it), (lie,) if robot == "robot/r1" else ()
+            motion = Motion(dt=0.2 * tick)
+            evidence.append(Evidence(robot, 0, tick, motion, NUISANCE, belief, None, seen, 0.2 * tick, camera=camera))
+        joint.settle(tick, 0.2, evidence)
+    assert np.linalg.eigvalsh(joint.joint.covariance).min() > -1e-9
+    assert joint.pose("robot/r3").mean[:2] == pytest.approx([4.0, 0.0], abs=1e-6)
+
+
 def variance_of_a_sighted_mate(nuisance: Nuisance, model: tuple[float, ...]) -> float:
     """Of x, unit^2, where r1 sees r2 after r3, of its make or not, told that such cameras are a quarter as noisy as their models."""
 
