@@ -59,8 +59,9 @@ class Participants:
             raise TooEarly
 
     def doubted(self, refusal: Refused) -> Refused | TooEarly:
-        """A refusal that counts; without a world it may turn out wrong once a token, or a world's Clock, has come."""
-        return TooEarly(refusal) if self.clock.pace is Pace.FREE else refusal
+        """A refusal that counts; it may turn out wrong once a token, or the Clock of a world or of a new run, has come."""
+        may_change = self.clock.pace is Pace.FREE or self.clock.may_begin
+        return TooEarly(refusal) if may_change else refusal
 
     def hear_robot(self, robot: str) -> None:
         """A robot of this sub-team says something: where no world names the robots, it is waited for, but not another team."""

@@ -75,7 +75,7 @@ class BoardService:
         self.participants = Participants(self.roster, self.clock, team, sub_team, self.guests)
         self.reception = Reception(board, self.participants, self.clocks, self.lead, self.intake)
         self.publisher = Publisher(self.participants, grid, settings, self.lead, self.clocks, self.intake)
-        self._pace = self.clock.pace  # the pace at which early messages were retried last
+        self._went_by = self.clock.pace, self.clock.run  # the pace and run at which early messages were retried last
         self._is_wake_due = False  # in real time: whether a message came since the board was woken
         self._begin()
 
@@ -221,8 +221,9 @@ class BoardService:
         ticks, steps = moment == "batch", self.reception.steps
         while (news := self.clock.look(now, ticks=ticks, early=steps.are_told)) is not News.NOTHING:
             self._follow(news, now)
-        if self.clock.pace is not self._pace:
-            self._pace = self.clock.pace
+        goes_by = self.clock.pace, self.clock.run
+        if goes_by != self._went_by:
+            self._went_by = goes_by
             out += self._retry(now)
         return out + self.publisher.look(now)
 

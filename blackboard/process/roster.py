@@ -74,6 +74,10 @@ class Roster:
             put(self._gone, token, None, MAX_GONE)
         self._count()
 
+    def holds_world(self) -> bool:
+        """Whether a world holds its token at this moment, without any grace."""
+        return any(keys.WORLD.match(token) for token in self.tokens)
+
     def has_gone(self, token: str) -> bool:
         """Whether a token was held once and counts no longer; False for one that was never seen."""
         return token in self._gone

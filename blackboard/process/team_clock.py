@@ -126,6 +126,11 @@ class TeamClock:
         """The run of the world that is followed; empty where none is."""
         return "" if self.followed is None else self.followed.run
 
+    @property
+    def may_begin(self) -> bool:
+        """Whether the next Clock may be that of another run: no world's token is held, or one has come since."""
+        return not self.roster.holds_world() or self.roster.worlds > self._token_seen
+
     def hear_clock(self, clock: Clock, now: float) -> News:
         """Take a Clock. It is followed while a world's token is there, and kept until then; an older tick is ignored."""
         if self.roster.world:

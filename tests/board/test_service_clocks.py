@@ -86,6 +86,22 @@ def test_a_report_that_comes_before_its_world_is_refused_for_now_and_counts_late
     assert desk.service.refused == {"past": 1}
 
 
+@pytest.mark.parametrize("anew", [[], [WORLD]], ids=["the next world's token is late", "its token is there"])
+def test_a_report_of_a_new_run_may_come_before_its_clock(
+    anew: list[Envelope], caplog: pytest.LogCaptureFixture
+) -> None:
+    """A robot hears the new world before the board does, and its stamp is seconds before the time of the run that ended."""
+    desk = Desk()
+    desk.register("r1")
+    desk.tell(clock(99, "r1"), report("r1", 99), reported("r1", 99, "object/ball"))
+    desk.tell(Envelope(WORLD.key, kind=Kind.GONE), *anew)
+    desk.tell(report("r1", 0))
+    assert desk.service.refused == {"past": 1}
+    said = desk.tell(WORLD, clock(0, "r1", run="two"), reported("r1", 0, "object/ball"))
+    assert levels(said) == ["consensus", "agreed"]
+    assert caplog.messages == []
+
+
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_a_board_goes_on_by_unix_time_when_its_world_dies(mode: str, caplog: pytest.LogCaptureFixture) -> None:
     """A world that held its token and died, while a robot runs on by its own clock."""
