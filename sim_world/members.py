@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from blackboard.config import TeamSection
 from blackboard.errors import Refused
 from blackboard.judge.instant import Instant
+from blackboard.process.in_vain import InVain
 from blackboard.process.roster import Roster
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
@@ -30,7 +31,7 @@ class Members:
 
     def __init__(self, team: TeamSection, sensors: SensorSource, roster: Roster) -> None:
         self.team, self.sensors, self.roster = team, sensors, roster
-        self.given_up: set[str] = set()  # who holds a token and sends nothing, and is no longer waited for
+        self._in_vain = InVain()  # who holds a token and sends nothing
         self.strangers: set[str] = set()  # robots that cannot take part
         self._newcomers: set[str] = set()  # robots that have not answered a tick yet
         self._heard: set[tuple[str, str]] = set()  # boards that have said something, as sub-team and name
@@ -55,16 +56,24 @@ class Members:
             elif not known:
                 self._newcomers.add(name)
 
+    @property
+    def given_up(self) -> set[str]:
+        """Who is no longer waited for."""
+        return self._in_vain.names
+
     def hear_answer(self, sub_team: str, message: Solo | Consensus | Status, *, in_time: bool) -> None:
-        """A robot or a board answers a tick: it is waited for again. Refused: a board without a token, if it is in time."""
+        """A robot or a board answers a tick that has begun: maybe it is waited for again.
+
+        Refused: a board without a token, if it is in time.
+        """
         if isinstance(message, Solo):
-            self.given_up.discard(f"robot/{message.robot}")
+            self._in_vain.answered(f"robot/{message.robot}", message.tick)
             self._newcomers.discard(message.robot)
             return
         board = message.process if isinstance(message, Status) else message.board
         if in_time and board not in self.roster.boards.get(sub_team, []):
             raise Refused("unregistered", f"board {board} holds no liveliness token in sub-team {sub_team}")
-        self.given_up.discard(f"board/{sub_team}/{board}")
+        self._in_vain.answered(f"board/{sub_team}/{board}", message.tick)
 
     def teams(self) -> dict[str, list[str]]:
         """Who takes part: the sub-teams that have a board, with those of their robots that get readings and answer."""
@@ -108,13 +117,14 @@ class Members:
         return boards | {f"robot/{robot}" for robots in teams.values() for robot in robots}
 
     def give_up(self, instant: Instant) -> int:
-        """Wait no longer for those who are missing in a tick that is over, newcomers too, until they answer one; how many they are."""
+        """Wait no longer for those who are missing in a tick that is over, newcomers too, until they answer; how many they are."""
         asked = {robot for robots in instant.teams.values() for robot in robots} & self._newcomers
         missing = {*self.missing(instant)} | {f"robot/{robot}" for robot in asked}
         if missing:
             names = ", ".join(sorted(missing))
             log.warning("tick %d: %s alive and silent; no longer waited for", instant.truth.tick, names)
-        self.given_up |= missing
+        for name in missing:
+            self._in_vain.add(name, instant.truth.tick)
         return len(missing)
 
     def _warn_of_stranger(self, robot: str, why: str) -> None:
@@ -126,12 +136,12 @@ class Members:
     def _is_alive(self, robot: str, sub_team: str) -> bool:
         """Whether a robot is in a sub-team, gets readings and answers."""
         here = robot in self.roster.robots.get(sub_team, []) and robot in self.sensors.robots
-        return here and f"robot/{robot}" not in self.given_up
+        return here and f"robot/{robot}" not in self._in_vain
 
     def _boards(self, sub_team: str) -> list[str]:
         """The boards of a sub-team that take part."""
         here = [board for board in self.roster.boards.get(sub_team, []) if (sub_team, board) in self._heard]
-        return [board for board in here if f"board/{sub_team}/{board}" not in self.given_up]
+        return [board for board in here if f"board/{sub_team}/{board}" not in self._in_vain]
 
 
 def who(key: str) -> str:

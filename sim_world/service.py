@@ -180,7 +180,8 @@ class WorldService:
 
     def _hear_answer(self, sub_team: str, message: Solo | Consensus | Status, payload: bytes) -> None:
         instant = self._open.get(message.tick)
-        self.members.hear_answer(sub_team, message, in_time=instant is not None)
+        if message.tick <= self.tick:
+            self.members.hear_answer(sub_team, message, in_time=instant is not None)
         if instant is not None and instant.hear_message(sub_team, message, payload):
             self._news_at = self._now
         elif instant is None and not isinstance(message, Status):  # statuses are sent again once a second

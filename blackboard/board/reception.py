@@ -1,5 +1,6 @@
 """What a board takes from robots and from other boards: whose message counts, by whose clock, and what has arrived of a tick. Pure."""
 
+import logging
 from collections.abc import Iterator
 
 from blackboard.board.board import Board
@@ -9,6 +10,7 @@ from blackboard.board.lead import BoardRole, Lead
 from blackboard.board.participants import Participants
 from blackboard.board.steps import Steps
 from blackboard.errors import Refused
+from blackboard.process.in_vain import InVain
 from blackboard.process.intake import Intake, TooEarly
 from blackboard.process.roll_call import RollCall
 from blackboard.process.team_clock import Pace
@@ -16,6 +18,8 @@ from blackboard.wire.evidence import Forward
 from blackboard.wire.memory import Memory
 from blackboard.wire.messages import Consensus, Report, Status
 from blackboard.wire.types import Message
+
+log = logging.getLogger(__name__)
 
 
 class Reception:
@@ -34,10 +38,12 @@ class Reception:
         self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
         #: robots of other sub-teams, for which a board does not wait -> a speed that counts once its team time (s) is over
         self._speeds: dict[str, tuple[float, float]] = {}
+        self._in_vain = InVain()  # robots and boards, as a Clock names them
 
     def begin_tick(self, now: float) -> None:
         """A tick begins: what robots elsewhere said in earlier ones counts from now on, in whichever order it came."""
         self.steps.begin_tick()
+        self._note_answers()
         begun = self.clock.time(now)
         for robot in [robot for robot, (time, _) in self._speeds.items() if time < begun]:
             self.board.ageing.learn_speed(robot, self._speeds.pop(robot)[1])
@@ -70,19 +76,39 @@ class Reception:
         """Whose messages of the tick have not arrived, as a Clock names them."""
         tick = self.clock.tick
         for robot in self.participants.candidates() if fact == "reports" else ():
-            if not self._reports.complete(robot, tick) and self.participants.awaits(robot):
+            if self._reports.complete(robot, tick) or f"robot/{robot}" in self._in_vain:
+                continue
+            if self.participants.awaits(robot):
                 yield f"robot/{robot}"
         joint = self.board.joint
         for board in self.participants.boards() or () if fact == "consensuses" else ():
             has_forwarded = joint is None or joint.has_heard(board, tick)
-            if not (has_forwarded and self._consensuses.complete(board, tick)):
-                yield "/".join(("board", *board))
+            name = "/".join(("board", *board))
+            if not (has_forwarded and self._consensuses.complete(board, tick)) and name not in self._in_vain:
+                yield name
+
+    def give_up(self, fact: str) -> None:
+        """Wait no longer for who was waited for in vain, until it answers."""
+        tick = self.clock.tick
+        for name in list(self.lacks(fact)):
+            left = self._in_vain.add(name, tick)
+            log.warning("tick %d: %s was late; waited for again once it has answered %d ticks", tick, name, left)
+
+    def _note_answers(self) -> None:
+        """Count what those who were waited for in vain have answered since."""
+        for name in self._in_vain.names:
+            kind, *who = name.split("/")
+            robot = kind == "robot"
+            answered = self._reports.answered(who[0]) if robot else self._consensuses.answered((who[0], who[1]))
+            if answered is not None:
+                self._in_vain.answered(name, min(answered, self.clock.tick))
 
     def check(self) -> None:
         """AssertionError: a roll call is beyond its bounds."""
         self.steps.check()
         self._reports.check()
         self._consensuses.check()
+        self._in_vain.check()
 
     # --- messages -----------------------------------------------------------------------------------------------------
 
@@ -102,9 +128,9 @@ class Reception:
 
     def _hear_step(self, robot: str, now: float) -> None:
         """Count a robot's step once all reports that its status lists have arrived; the status may come before them."""
-        listed = self._reports.list_of(robot)
-        if listed is not None and self._reports.arrived(robot, *listed):
-            self.steps.on_step(robot, listed[0], now)
+        answered = self._reports.answered(robot)
+        if answered is not None:
+            self.steps.on_step(robot, answered, now)
 
     def _on_consensus(self, consensus: Consensus, now: float) -> None:
         board = consensus.sub_team, consensus.board

@@ -30,6 +30,7 @@ from blackboard.wire.types import Message
 
 log = logging.getLogger(__name__)
 
+FACTS = {"reports": "reports", "exchange": "consensuses"}  # what a phase of a tick waits for
 SILENT = 5.0  # seconds that a leader may publish nothing of what this board has settled; another one then has all that it lacks
 
 
@@ -189,8 +190,8 @@ class BoardService:
         wanted = clock.wants(f"board/{self.sub_team}/{self.name}")
         if wanted == "answers":
             return self.publisher.repeat(now)
-        fact = {"reports": "reports", "exchange": "consensuses"}.get(self.rounds.phase, "")
-        return [self.publisher.status(now, list(self.reception.lacks(fact)))] if wanted == "status" else []
+        lacks = self.reception.lacks(FACTS.get(self.rounds.phase, ""))
+        return [self.publisher.status(now, list(lacks))] if wanted == "status" else []
 
     # --- when to settle ---------------------------------------------------------------------------------------------------
 
@@ -234,6 +235,8 @@ class BoardService:
             phase, late = ended
             if late:
                 self.counters["late"] += 1
+                if self.clock.pace is Pace.LOCKSTEP:
+                    self.reception.give_up(FACTS[phase])
             out += self.publisher.settle("consensus" if phase == "reports" else "agreed", now)
         return out
 

@@ -39,6 +39,11 @@ class RollCall(Generic[Source]):
         """The newest tick that a source lists, and the subjects; None if it never listed any."""
         return self._lists.get(source)
 
+    def answered(self, source: Source) -> int | None:
+        """The tick that a source listed last, if everything on its list is here."""
+        listed = self._lists.get(source)
+        return listed[0] if listed is not None and self.arrived(source, *listed) else None
+
     def arrived(self, source: Source, tick: int, subjects: Collection[str]) -> bool:
         """Whether what `source` sent about each of these subjects in `tick`, or something newer, is here."""
         known = self._heard.get(source, {})
