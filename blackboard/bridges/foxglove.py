@@ -20,6 +20,7 @@ from blackboard.state.moments import Moment, Point
 from blackboard.state.team import Event, TeamFold
 from blackboard.view.taped import Taped
 
+LATEST = 2.0**32 - 1  # Unix seconds, in the year 2106: no schema says a later time
 FRAME = "map"  # where the team's grid names none
 TROUBLE = {"gone", "conflict", "left out", "refused", "namesake"}  # events that are warnings
 COLOURS = ((230, 159, 0), (86, 180, 233), (0, 158, 115), (204, 121, 167), (213, 94, 0), (0, 114, 178))  # Okabe and Ito
@@ -103,7 +104,7 @@ class _File:
         self.messages += 1
 
     def _time(self, at: float) -> Any:
-        return self._messages.Timestamp.from_epoch_secs(at)
+        return self._messages.Timestamp.from_epoch_secs(min(at, LATEST))
 
     def _pose(self, place: Point) -> Any:
         m = self._messages

@@ -83,7 +83,7 @@ class Drives:
 
         seen = self.sightings.where(inside(self.sightings.tick))
         odometry, measured = self.odometry[first:until].copy(), self.measured[first:until].copy()
-        odometry[0], measured[0] = 0.0, True
+        odometry[:1], measured[:1] = 0.0, True
         return replace(
             self,
             times=self.times[first:until],

@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 
 from blackboard.bridges.foxglove import CELL
 from blackboard.errors import UserError
+from blackboard.tape.file import copy
 from blackboard.wire.arrays import unpack
 from tests.commands import call
 from tests.files import GOLDEN
@@ -95,6 +96,12 @@ def test_a_grid_is_the_agreed_belief_where_it_is(exported: Path) -> None:
     assert (x, y) == (i + 0.5, j + 0.5)
     assert p.max() == pytest.approx(belief.p.max(), rel=0.03)
     assert cells["alpha"].max() == 230
+
+
+def test_a_tape_of_a_time_that_no_schema_can_say_is_exported(tmp_path: Path) -> None:
+    later = tmp_path / "later.mcap"
+    assert copy(GOLDEN, later, lambda envelopes: ((at + 2.0**32, envelope) for at, envelope in envelopes))
+    assert call("tape", "export", later, tmp_path / "x.mcap") == 0
 
 
 def test_a_mistake_is_one_line(exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

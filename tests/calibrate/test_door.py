@@ -21,11 +21,11 @@ from tests.files import DATASET7
 DATASET9 = DATASET7.with_name("dataset9")
 
 
-def taped(path: Path, readings: bool = True) -> Path:
+def taped(path: Path, readings: bool = True, seconds: float = 90.0) -> Path:
     """A tape with what two robots measured, and their scenario."""
     file, scenario = io.BytesIO(), load("mrclam").changed("team", sub_teams={"a": ["r1", "r2"]})
     writer = TapeWriter(file, {"team": "mrclam", "scenario": scenario.to_json()})
-    for measured in team([Robot(arc_turn=0.6), Robot()], 90.0, 1) if readings else ():
+    for measured in team([Robot(arc_turn=0.6), Robot()], seconds, 1) if readings else ():
         writer.write(
             1e9 + measured.time, Envelope(keys.READING.key(team="mrclam", robot=measured.robot), encode(measured))
         )
@@ -69,11 +69,13 @@ def test_as_json_there_is_nothing_else_also_where_residuals_are_drawn(tape: Path
         (("{tape}", "--mrclam", "x"), "give either a tape or a recording"),
         (("{tape}", "--track", "0"), "--track 0: give the distance"),
         (("{empty}",), "no readings are on it"),
+        (("{short}",), "nothing says where the robots are"),
     ],
 )
 def test_a_mistake_is_a_line(words: tuple[str, ...], complaint: str, tape: Path, tmp_path: Path) -> None:
     empty = taped(tmp_path / "empty.mcap", readings=False)
-    ran = Ran("calibrate", *(word.format(tape=tape, empty=empty) for word in words))
+    short = taped(tmp_path / "short.mcap", seconds=0.0)  # one tick
+    ran = Ran("calibrate", *(word.format(tape=tape, empty=empty, short=short) for word in words))
     assert ran.status != 0
     assert complaint in ran.err
     assert len(ran.err.strip().splitlines()) == 1

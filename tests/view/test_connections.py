@@ -8,9 +8,10 @@ from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 import pytest
-from websockets.exceptions import ConnectionClosedError
+from websockets.exceptions import ConnectionClosedError, InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from blackboard.view.feed import Feed
 from blackboard.view.web import connections
@@ -79,6 +80,27 @@ def test_a_text_that_is_none_ends_the_connection_and_is_no_line_of_the_log(
         with pytest.raises(ConnectionClosedError, match="1007"):
             list(browser)
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING or record.exc_info]
+
+
+@pytest.mark.parametrize("answered", [False, True], ids=["at once", "after the answer"])
+def test_a_body_that_is_none_has_one_answer_and_no_traceback(
+    url: str, caplog: pytest.LogCaptureFixture, answered: bool
+) -> None:
+    with caplog.at_level(logging.DEBUG), opened(url) as connection:
+        head = b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n"
+        connection.sendall(head if answered else head + b"zz\r\n")
+        received = connection.recv(1) if answered else b""
+        connection.sendall(b"zz\r\n" if answered else b"")
+        received += read_to_its_end(connection)
+    assert received.count(b"HTTP/1.1 ") == 1
+    assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
+
+
+@pytest.mark.parametrize("origin", ["http://[", "http://[::1", "null", "http://127.0.0.1]", "//", ""])
+def test_an_origin_that_is_no_address_is_turned_away(url: str, caplog: pytest.LogCaptureFixture, origin: str) -> None:
+    with caplog.at_level(logging.DEBUG, "uvicorn.error"), pytest.raises(InvalidStatus, match="403"):
+        connect(socket_of(url), origin=Origin(origin))
+    assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
 
 
 def test_a_browser_that_reads_nothing_any_more_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from functools import partial
 from importlib import resources
 from typing import Any
-from urllib.parse import urlsplit
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -143,7 +142,7 @@ def _tick(request: Request, name: str = "tick") -> int | None:
 async def _live(page: Page, socket: WebSocket) -> None:
     """The newest frames, until the browser leaves."""
     origin = socket.headers.get("origin")
-    if origin is not None and urlsplit(origin).netloc != socket.headers.get("host"):
+    if origin is not None and origin.partition("://")[2] != socket.headers.get("host"):
         await socket.close(POLICY)  # another site's page must not look on
         return
     if page.browsers >= MAX_BROWSERS:

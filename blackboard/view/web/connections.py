@@ -32,6 +32,15 @@ class Visit(H11Protocol):
         self._wait()
         super().on_response_complete()
 
+    def send_400_response(self, msg: str) -> None:
+        """Answer once to a request whose rest is no HTTP; uvicorn would log tracebacks of a second answer."""
+        if self.cycle is not None and self.cycle.response_started:
+            self.transport.close()
+            return
+        if self.cycle is not None:
+            self.cycle.disconnected = True  # what the application answers is dropped
+        super().send_400_response(msg)
+
     def handle_websocket_upgrade(self, event: object) -> None:
         self._stop()
         super().handle_websocket_upgrade(event)  # type: ignore[arg-type]
