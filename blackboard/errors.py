@@ -67,6 +67,11 @@ def nearest(given: object, known: Iterable[str]) -> str:
     return f"; did you mean {found[0]}?" if found else ""
 
 
+def plain(error: Exception) -> str:
+    """What an error says, without the number and the file that the system adds."""
+    return str(getattr(error, "strerror", None) or error)
+
+
 @contextmanager
 def extra(name: str, what: str) -> Iterator[None]:
     """Around imports of what an extra of the package installs. UserError: it is not there; says what needs it, and the cure."""

@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from blackboard.errors import UserError
+from blackboard.errors import UserError, plain
 
 DEEPEST = 16  # tables and arrays within each other; a scenario needs five
 
@@ -26,7 +26,7 @@ def read_tables(name: str | Path) -> tuple[dict[str, Any], str]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: cannot be read ({error}); give an existing TOML file") from error
+        raise UserError(f"{path}: cannot be read ({plain(error)}); give an existing TOML file") from error
     try:
         tables = parse(text, json.loads if path.suffix == ".json" else tomllib.loads)
     except ValueError as error:

@@ -16,7 +16,7 @@ from blackboard.access.identity import CA, CERTIFICATE, KEY, MEMBER, ZENOH
 from blackboard.access.members import NAMED, CertificateHolder, CertifiedTeam, MemberKind, members_of
 from blackboard.access.rules import access_control
 from blackboard.config import TeamSection
-from blackboard.errors import UserError
+from blackboard.errors import UserError, plain
 
 AUTHORITY, TEAM = "authority", "team.json"
 LOCAL = ("127.0.0.1", "::1", "localhost")  # the router's certificate is always good for these
@@ -124,7 +124,7 @@ def load(root: Path) -> CertifiedTeam:
             f"--dir {root}: no authority there; `blackboard keys init SCENARIO --dir {root}` makes one"
         ) from None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{path}: cannot be read ({error})") from None
+        raise UserError(f"{path}: cannot be read ({plain(error)})") from None
 
 
 def _issue(

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from blackboard.errors import UserError
+from blackboard.errors import UserError, plain
 from blackboard.judge.files import table_file
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
@@ -117,7 +117,7 @@ def read_series(path: Path) -> list[Sample]:
         with path.open(encoding="utf-8", newline="") as file:
             header, *rows = list(csv.reader(file)) or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path}: cannot be read ({error}); give the file that --table wrote") from error
+        raise UserError(f"{path}: cannot be read ({plain(error)}); give the file that --table wrote") from error
     if not (set(NEEDED) <= set(header) <= set(COLUMNS)):
         raise UserError(f"{path}, line 1: not the columns of a series; give the file that --table wrote")
     samples = []

@@ -195,7 +195,7 @@ def figures(
     out: Path = Path("figures"),
     seeds: int = 20,
     robots: int = 10,
-    grids: list[int] | None = None,
+    grids: Annotated[list[int] | None, Parameter(negative="")] = None,
     seconds: float = 60.0,
     every: float = 5.0,
     output: OutputFlags = OutputFlags(),

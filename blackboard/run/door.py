@@ -16,7 +16,7 @@ from functools import partial
 from typing import Annotated, Any, Literal, NoReturn, TextIO, cast, get_args
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Group, Parameter
-from cyclopts.exceptions import MissingArgumentError, UnknownCommandError, UnusedCliTokensError
+from cyclopts.exceptions import CoercionError, MissingArgumentError, UnknownCommandError, UnusedCliTokensError
 
 import blackboard
 from blackboard.errors import RunFailed, UserError, nearest
@@ -42,6 +42,8 @@ PROMPT = 1.2  # seconds from a signal to the end of a board or a robot, which ke
 PARENT = "BLACKBOARD_PARENT"  # set for a child: the process that it must not outlive
 
 
+#: What a flag of a type takes, for people.
+NUMBERS: dict[object, str] = {int: "a whole number", float: "a number"}
 #: In the help after all that is the command's own.
 NETWORK = Group("Network (Zenoh's usual flags)", sort_key=1)
 
@@ -240,15 +242,18 @@ def _mistake(error: CycloptsError) -> str:
     command = " ".join(error.command_chain or ())
     if isinstance(error, MissingArgumentError) and error.argument is not None and not error.keyword:
         argument = error.argument
-        if argument.field_info.is_positional and not argument.tokens:
+        if not argument.tokens:
+            name = argument.name.lstrip("-").upper() if argument.field_info.is_positional else argument.name
             known = [str(value) for value in get_args(argument.hint) if isinstance(value, str)]
             one_of = f", one of {', '.join(known)}" if known else ""
-            return f"{command or 'command'}: {argument.name.lstrip('-').upper()} is missing{one_of}; --help says what it is"
+            return f"{command or 'command'}: {name} is missing{one_of}; --help says what it is"
+    if isinstance(error, CoercionError) and error.token is not None and error.target_type in NUMBERS:
+        return f"{error.token.keyword or command} {error.token.value}: give {NUMBERS[error.target_type]}"
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"{command or 'command'}: {' '.join(error.unused_tokens)} is too much; --help says what is expected"
     if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app is not None:
         given, known = error.unused_tokens[0], [name for name in error.app if not name.startswith("-")]
-        return f'Unknown command "{given}"{nearest(given, known)}; there are {", ".join(known)}'
+        return f'Unknown command "{given}"; there are {", ".join(known)}{nearest(given, known)}'
     return str(error)
 
 

@@ -163,7 +163,7 @@ def hz(key: str = "cop/**", *, seconds: Seconds = 5.0, flags: door.ZenohFlags = 
     Parameters
     ----------
     key
-        As cop/demo/*/report/** [default: everything].
+        As cop/demo/*/report/**.
     seconds
         For how long.
     """

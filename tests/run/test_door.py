@@ -52,7 +52,7 @@ def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ("serve", "--sub-team requires an argument"),
+        ("serve", "serve: --sub-team is missing"),
         ("why", "why: SUBJECT is missing"),
         ("why object/ball tape.mcap more", "why: more is too much"),
         ("health", "health: KIND is missing, one of router, world, board, robot"),
@@ -61,9 +61,11 @@ def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
         ("serve --sub-team a --mode both", 'Choose from: "client", "peer", "router"'),
         ("serve --sub-team a --cfg lease", "--cfg lease: write KEY:VALUE"),
         ("serve --sub-team a -c nowhere.json5", "--config nowhere.json5: No such file"),
-        ("up nowhere.toml", "nowhere.toml: cannot be read"),
+        ("up nowhere.toml", "nowhere.toml: cannot be read (No such file or directory); give"),
         ("demo --robots 1", "--robots 1: at least 2"),
         ("demo --seed 1.5", "--seed 1.5: give a whole number"),
+        ("demo --seed one", "--seed one: give a whole number"),
+        ("demo --seconds long", "--seconds long: give a number"),
         ("demo --start 5", "--start and --protocol are about a recording: name its folder with --mrclam"),
         ("demo --protocol A_all", "--start and --protocol are about a recording"),
         ("chaos --only storm", "--only storm: no such case; choose from calm, "),
