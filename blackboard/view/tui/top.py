@@ -9,7 +9,7 @@ from rich.segment import Segment
 from rich.style import Style
 from rich.text import Text
 from textual.app import App, ComposeResult
-from textual.binding import BindingType
+from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.strip import Strip
 from textual.widget import Widget
@@ -70,20 +70,21 @@ class Top(App[None]):
     #right { width: 1.2fr; min-width: 52; scrollbar-size-vertical: 1; }
     #head { height: 1; text-style: bold; }
     #alarms { height: auto; max-height: 4; color: $error; }
-    #processes, #subjects, #events { height: auto; margin-bottom: 1; }
-    .-small #processes, .-small #subjects { margin-bottom: 0; }
+    #processes, #subjects, #why, #events { height: auto; margin-bottom: 1; }
+    .-small #processes, .-small #subjects, .-small #why { margin-bottom: 0; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [
         ("q", "quit", "quit"),
         ("space", "pause", "pause"),
-        ("left", "step(-1)", "back"),
-        ("right", "step(1)", "forward"),
-        ("left_square_bracket", "choose(-1)", "previous"),
-        ("right_square_bracket", "choose(1)", "next subject"),
+        Binding("left", "step(-1)", "tick", key_display="← →", priority=True),
+        Binding("right", "step(1)", show=False, priority=True),
+        Binding("left_square_bracket", "choose(-1)", "subject", key_display="[ ]"),
+        Binding("right_square_bracket", "choose(1)", show=False),
         ("l", "scale", "log/linear"),
         ("w", "why", "why"),
         ("a", "seen", "alarms seen"),
     ]
+    ENABLE_COMMAND_PALETTE = False  # its key takes the place of others in a footer of 80 columns
 
     def __init__(self, source: Source, team: str, drift: float = 1.0) -> None:
         """`drift` as in `explain`."""
@@ -102,9 +103,9 @@ class Top(App[None]):
             yield HeatMap(id="map")
             with VerticalScroll(id="right"), Vertical():
                 yield Static(id="subjects")
+                yield Static(id="why")
                 yield Static(id="processes")
                 yield Static(id="events")
-                yield Static(id="why")
         yield Footer()
 
     def on_mount(self) -> None:
@@ -159,6 +160,7 @@ class Top(App[None]):
         self.query_one("#why", Static).update(
             Text("\n".join(map(printable, self._why(moment))) if self.with_why else "")
         )
+        self.query_one("#why").display = self.with_why
         view = self.query_one("#map", HeatMap)
         size = view.size
         if moment is None or fold.grid is None or len(fold.grid.shape) != 2 or not size.height:
