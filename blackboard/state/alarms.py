@@ -110,7 +110,7 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
             text = f"{one.source} keeps disagreeing about {subject}, by {one.sigmas:.1f} sigmas"
             shown[subject, one.source] = alarms["liar", one.source] = text
         for out in consensus.left_out:
-            shown[subject, out.source] = f"{out.source} left out about {subject}: {out.reason}"
+            shown[subject, out.source] = f"{out.source} was ignored about {subject}: {out.reason}"
         if text := _lost(consensus, cells):
             alarms["lost", subject] = text
         for learned in consensus.learned:

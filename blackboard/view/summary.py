@@ -261,7 +261,7 @@ def _trouble(one: Table) -> str:
     for sighting in one["unclear"]:
         odds[sighting["source"]] = max(sighting["probability"], odds.get(sighting["source"], 0.0))
     unclear = [f"{source} may have seen it ({100 * p:.0f} %)" for source, p in odds.items() if p >= LITTLE]
-    left_out = [f"{out['source']} left out: {out['reason']}" for out in one["left_out"]]
+    left_out = [f"{out['source']} was ignored: {out['reason']}" for out in one["left_out"]]
     dissent = [f"{source} keeps disagreeing" for source in one["dissent"]]
     camps = " against ".join(",".join(camp) for camp in one["camps"])
     return "; ".join([f"conflict {camps}".rstrip()] * one["conflict"] + track + unclear + lost + left_out + dissent)

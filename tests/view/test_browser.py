@@ -118,6 +118,17 @@ def test_a_tape_is_shown_from_its_beginning_and_scrubbed(look: Callable[[str], B
         assert "tick=" in page.get("location.hash")
 
 
+def test_charts_show_the_seconds_around_the_moment(look: Callable[[str], Browser]) -> None:
+    times = [moment.time for moment in golden_team().moments]
+    seconds = times[6] - times[0]
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(url)
+        page.wait("page.state.done && page.state.shown.name")
+        for at, first in ((0, 0), (5, 2), (8, 5), (len(times) - 1, len(times) - 7)):
+            around = page.get(f"page.history.around({times[at]}, {seconds}).map((it) => it.time)")
+            assert around == pytest.approx(times[first : first + 7])
+
+
 def test_a_tape_is_played_at_a_speed_to_its_end(look: Callable[[str], Browser]) -> None:
     last = list(golden_team().moments)[-1]
     with served(TapeFeed(read(GOLDEN)), "demo") as url:

@@ -54,6 +54,12 @@ export class History {
     this.moments.splice(this.moments[at].tick < line.tick ? at + 1 : at, 0, line);
   }
 
+  /** The lines of so many seconds, with a time in their middle where there are as many on both sides of it. */
+  around(time, seconds) {
+    const begin = Math.max(this.moments[0].time, Math.min(time - seconds / 2, this.newest.time - seconds));
+    return this.moments.filter((it) => it.time >= begin - 1e-6 && it.time <= begin + seconds + 1e-6);
+  }
+
   /** The answer of `/past`. */
   extend({ made, lines }) {
     for (const line of lines) this.add(line);

@@ -427,7 +427,7 @@ function drawNumbers(header) {
     rows.push(["rule", it.rule]);
     if (it.dissent.length) rows.push(["keeps disagreeing", it.dissent.map(([who, sigmas, weight]) => `${who} (${sigmas.toFixed(1)} σ, counts ${(100 * weight).toFixed(0)} %)`).join(", "), true]);
     if (it.camps.length) rows.push(["camps", it.camps.map((camp) => camp.join(", ")).join(" against "), true]);
-    if (it.left_out.length) rows.push(["left out", it.left_out.map((one) => one[0]).join(", "), true]);
+    if (it.left_out.length) rows.push(["ignored", it.left_out.map((one) => one[0]).join(", "), true]);
   }
   fill($("numbers"), rows, () => element("div", {}, element("dt"), element("dd")), (div, [name, value, bad]) => {
     div.firstChild.textContent = name;
@@ -483,7 +483,7 @@ function drawMatrix(header, colours) {
 function drawCharts(header, colours) {
   const newest = history_.newest, name = state.subject;
   if (!newest || !name) return;
-  const moments = history_.moments.filter((it) => it.time >= newest.time - WINDOW);
+  const moments = history_.around(state.paused ? header.time : newest.time, WINDOW);
   const times = moments.map((it) => it.time), found = [...new Set(moments.flatMap((it) => Object.keys(it.subjects[name]?.entropy || {})))].sort().reverse();
   const cursor = state.paused ? times.findIndex((time) => time >= header.time) : null;
   const look = (who, index) => (who === "agreed" ? { colour: tint(name), width: 2.2, dash: [] } : { colour: colours.soft, width: 1.2, dash: DASHES[index % 3][0] });
