@@ -4,13 +4,14 @@ A reason (`Referee.verdict`) says which check failed; a cause says what in the r
 the scores, by the thresholds below; where none of them fits, none is named.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 from blackboard.judge.calibration import CONFIDENT
 
 SAME = 0.01  # agreed and solo RMSE that differ by a smaller share are the same
 OFF = 2.0  # a robot is off where its RMSE is so many times that of all others together
+AWAY = 0.2  # a robot was away where a larger share of its own beliefs is missing
 ALONE = 0.1  # a source is alone where others contributed in a smaller share of the ticks
 
 Scores = Mapping[str, Any]  # the scorecard's block "scores"
@@ -30,11 +31,16 @@ def likely_causes(
     `missing` is the scorecard's block; `company` the share of its samples to which more than one robot contributed in what was
     agreed about a subject; `robots` are those that must be heard, and whether each ever took part.
     """
+    away = _away(scores, missing)
     return [
         *_never_heard(scores, missing, robots),
+        *(
+            f"{robot} was not heard in {100 * share:.0f} % of the run: look for what stopped it in its log"
+            for robot, share in away.items()
+        ),
         *_never_seen(scores, missing),
-        *_who_is_off(scores["robots"]["by_name"], unit),
-        *_no_gain(scores, company),
+        *_who_is_off({name: by for name, by in scores["robots"]["by_name"].items() if name not in away}, unit),
+        *_no_gain(scores, company, away),
         *_overconfident(honesty),
     ]
 
@@ -60,6 +66,16 @@ def _never_heard(scores: Scores, missing: Mapping[str, Mapping[str, int]], robot
     if absent:
         causes.insert(0, f"{_names(absent)} never took part: look for the end of its process in the log above")
     return causes
+
+
+def _away(scores: Scores, missing: Mapping[str, Mapping[str, int]]) -> dict[str, float]:
+    """Robots that were judged, and still not heard in more than AWAY of the run: in which share."""
+    shares = {}
+    for robot, levels in scores["robots"]["by_name"].items():
+        lacking = missing.get(f"robot/{robot}", {}).get("solo", 0)
+        if lacking > AWAY * (lacking + levels["solo"]["n"]):
+            shares[robot] = lacking / (lacking + levels["solo"]["n"])
+    return shares
 
 
 def _never_seen(scores: Scores, missing: Mapping[str, Mapping[str, int]]) -> list[str]:
@@ -90,12 +106,17 @@ def _who_is_off(by_name: Mapping[str, Any], unit: str) -> list[str]:
     return []
 
 
-def _no_gain(scores: Scores, company: Mapping[str, float]) -> list[str]:
-    """Subjects about which the team knows no more than each robot by itself, and whether another robot reported on them."""
+def _no_gain(scores: Scores, company: Mapping[str, float], away: Collection[str]) -> list[str]:
+    """Subjects about which the team knows no more than each robot by itself, and whether another robot reported on them.
+
+    Of robots that were away nothing is said.
+    """
     alone, useless = list[str](), list[str]()
     for group, prefix in (("robots", "robot/"), ("objects", "object/")):
         for name, levels in scores[group]["by_name"].items():
             solo, agreed = levels["solo"]["rmse"], levels["agreed"]["rmse"]
+            if prefix == "robot/" and name in away:
+                continue
             if levels["agreed"]["n"] and abs(agreed - solo) <= SAME * solo:
                 (alone if company.get(prefix + name, 0.0) < ALONE else useless).append(prefix + name)
     causes = []

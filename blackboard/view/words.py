@@ -100,7 +100,7 @@ def _motion(level: Table, unit: str) -> list[str]:
         speed, sigma = math.hypot(*level["velocity"][:2]), max(level["velocity_sigma"][:2])
         told.append(f"moves at {speed:.2f} {unit}/s, give or take {sigma:.2f}")
     lost = level["lost"]
-    lines = [f"It {' and '.join(told)}."] if told else []
+    lines = [f"It {', and '.join(told)}."] if told else []
     return lines + (
         [f"With {100 * lost:.0f} % it is lost, and not there."] if lost is not None and lost >= LIKELY_LOST else []
     )

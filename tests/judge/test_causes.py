@@ -50,6 +50,13 @@ def test_a_robot_that_was_never_judged_is_named_with_what_lacks(
     assert cause.startswith(text)
 
 
+def test_of_a_robot_that_was_away_for_long_nothing_else_is_said() -> None:
+    off = {**GOOD, "r3": levels(9.0, 9.0)}
+    (cause,) = causes(off, missing={"robot/r3": {"solo": 40, "agreed": 45}})
+    assert cause.startswith("r3 was not heard in 80 % of the run")
+    assert causes(off, missing={"robot/r3": {"solo": 2}})[0].startswith("r3 is off")
+
+
 def test_an_object_that_nobody_saw_is_told_from_one_that_no_board_took() -> None:
     named = causes(GOOD, missing={"object/ball": {"solo": 9, "consensus": 9}, "object/can": {"consensus": 9}})
     assert named[0].startswith("no robot ever saw object/ball")
