@@ -161,6 +161,7 @@ def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Itera
         return
     with extra("plot", "--plot"):
         from blackboard.lab import run_drawing
+    from blackboard.config.world import WorldSection
     from blackboard.judge.samples import read_series, series_file
 
     with tempfile.TemporaryDirectory(prefix="blackboard-") as folder:
@@ -170,7 +171,8 @@ def _samples(scenario: Scenario, table: Path | None, plot: Path | None) -> Itera
         with series_file(table if table != file else None) as record:
             for sample in samples if record is not None else ():
                 record(sample)  # type: ignore[misc]  # not None where there are any
-        files = run_drawing.draw_run(samples, scenario.grid.unit, plot)
+        title = f"{scenario.name}, seed {scenario.section('world', WorldSection).seed}"
+        files = run_drawing.draw_run(samples, scenario.grid.unit, plot, title)
         sys.stderr.writelines(f"drawn: {each}\n" for each in files)
 
 

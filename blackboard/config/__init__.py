@@ -253,7 +253,8 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        return str(self.tables.get("name", "scenario"))
+        """What it is called; without a name of its own as its team."""
+        return str(self.tables.get("name") or self.team.name)
 
     def unknown_sub_teams(self, sub_teams: Iterable[str]) -> list[str]:
         """For each of some sub-teams that the file does not have, a sentence: it may be a misspelling, or joined on purpose."""

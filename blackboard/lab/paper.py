@@ -212,7 +212,8 @@ def fig6(grids: Mapping[int, Mapping[str, TeamSizeScores]]) -> dict[str, Any]:
         }
         for size, by in by_grid.items()
     }
-    title = f"Fig. 6: one robot's belief and the cooperative belief of all ({PARAMETERS})"
+    runs = len(set(next(iter(grids[min(grids)].values())).run))
+    title = f"Fig. 6: one robot's belief and that of all, {runs} run{'s' * (runs > 1)} ({PARAMETERS})"
     return {"title": title, "time": time, "grids": by_grid, "means": over_time}
 
 

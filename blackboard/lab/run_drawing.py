@@ -8,57 +8,76 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
 from blackboard.errors import RunFailed
+from blackboard.judge.calibration import BLOCK, FEWEST
+from blackboard.judge.intervals import Estimate, share_of_blocks, shown, student
 from blackboard.judge.samples import GROUPS, Sample, held_by, rms_error
 from blackboard.lab.drawing import BLACK, BLUE, ORANGE, STYLE, VERMILION, save_all
 from blackboard.opinion.grid import Array
 
 LINES = {"solo": (ORANGE, ":"), "consensus": (BLUE, "--"), "agreed": (VERMILION, "-")}  # level -> colour, line style
-BIN, BLOCK = 1.0, 10.0  # seconds of team time in a point of a line; of a line of coverage
+BIN = 1.0  # seconds of team time in a point of a line; BLOCK in one of coverage
+COVERED = 95  # percent
 ELLIPSES = 12  # of a way
 CHI2 = 5.991465  # of two degrees of freedom, 95 %
 WIDE = 3  # panels beside each other
 Axis = Any  # of matplotlib, which has no types
 
 
-def draw_run(samples: Sequence[Sample], unit: str, folder: Path) -> list[Path]:
-    """Draw a run into a folder, as SVG and PNG: the files. RunFailed: it has no samples."""
+def draw_run(samples: Sequence[Sample], unit: str, folder: Path, title: str) -> list[Path]:
+    """Draw a run, which `title` names, into a folder, as SVG and PNG: the files. RunFailed: it has no samples."""
     if not samples:
         raise RunFailed(f"--plot {folder}: the run has no samples, so there is nothing to draw")
     with mpl.rc_context(STYLE):
-        figures = {"over-time": over_time(samples, unit), "trajectories": trajectories(samples, unit)}
+        figures = {"over-time": over_time(samples, unit, title), "trajectories": trajectories(samples, unit, title)}
     return save_all(figures, folder)
 
 
-def over_time(samples: Sequence[Sample], unit: str) -> Figure:
-    """Four rows (error, area of the 95 % region, entropy, coverage of it) for robots and for objects, a line for each level."""
+def over_time(samples: Sequence[Sample], unit: str, title: str) -> Figure:
+    """Four rows (error, area of the 95 % region, entropy, coverage of it) for robots and for objects, a line for each level.
+
+    The legend of the coverage has the share of the whole run, and its 95 % interval where there are blocks enough.
+    """
     rows: list[tuple[str, float, Callable[[list[Sample]], float]]] = [
         (f"RMS error [{unit}]", BIN, rms_error),
         (f"95 % region [{unit}²]", BIN, lambda some: float(np.median([s.area for s in some]))),
         ("entropy [nats]", BIN, lambda some: float(np.mean([s.entropy for s in some]))),
-        ("in the 95 % region", BLOCK, lambda some: float(held_by(some, 95).mean())),
+        ("in the 95 % region", BLOCK, lambda some: float(held_by(some, COVERED).mean())),
     ]
     groups = [group for group, prefix in GROUPS.items() if any(s.subject.startswith(prefix) for s in samples)]
     figure = Figure(figsize=(1 + 4.2 * len(groups), 8), layout="constrained")
+    figure.suptitle(title)
     axes = figure.subplots(len(rows), len(groups), squeeze=False, sharex=True, sharey="row")
     for number, (column, group) in enumerate(zip(axes.T, groups, strict=True)):
         own = [s for s in samples if s.subject.startswith(GROUPS[group])]
         for axis, (label, width, value) in zip(column, rows, strict=True):
             for level, (colour, style) in LINES.items():
-                times, values = binned([s for s in own if s.level == level], width, value)
+                some = [s for s in own if s.level == level]
+                shares = width == BLOCK
                 axis.plot(
-                    times, values, color=colour, ls=style, lw=1.4, label=level, marker="." if width == BLOCK else ""
-                )
+                    *binned(some, width, value), color=colour, ls=style, lw=1.4, marker="." if shares else "",
+                    label=f"{level} {coverage(some)}" if shares and some else level,
+                )  # fmt: skip
             if width == BLOCK:
-                axis.axhline(0.95, color=BLACK, lw=0.8)
+                axis.axhline(COVERED / 100, color=BLACK, lw=0.8)
                 axis.set_ylim(0, 1.05)
+                axis.legend(fontsize=8)
             axis.set_ylabel("" if number else label)
         column[0].set_title(group)
         column[-1].set_xlabel("team time [s]")
     axes[0, 0].legend(fontsize=8)
     return figure
+
+
+def coverage(samples: Sequence[Sample]) -> str:
+    """The share of at least one sample's 95 % regions that hold the truth, with its interval where there are blocks enough."""
+    _, block = np.unique([ceil(sample.time / BLOCK - 1e-9) for sample in samples], return_inverse=True)
+    held, n = np.bincount(block, weights=held_by(samples, COVERED)), np.bincount(block)
+    share = Estimate(held.sum() / n.sum()) if len(n) < FEWEST else share_of_blocks(held, n, student(len(n) - 1))
+    return shown(vars(share), 2)
 
 
 def binned(samples: Sequence[Sample], width: float, value: Callable[[list[Sample]], float]) -> tuple[Array, Array]:
@@ -69,12 +88,13 @@ def binned(samples: Sequence[Sample], width: float, value: Callable[[list[Sample
     return width * np.array(sorted(bins), float), np.array([value(bins[number]) for number in sorted(bins)])
 
 
-def trajectories(samples: Sequence[Sample], unit: str) -> Figure:
+def trajectories(samples: Sequence[Sample], unit: str, title: str) -> Figure:
     """A panel for each subject: where it was (black), where it was agreed to be, and 95 % ellipses along that way."""
     subjects = sorted({s.subject for s in samples}, key=lambda s: (not s.startswith("robot/"), s))
     columns = min(WIDE, len(subjects))
     rows = ceil(len(subjects) / columns)
     figure = Figure(figsize=(1 + 3.0 * columns, 0.8 + 3.0 * rows), layout="constrained")
+    figure.suptitle(title)
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axis, subject in zip(axes.ravel(), subjects, strict=False):
         way = agreed_way(samples, subject)
@@ -86,7 +106,9 @@ def trajectories(samples: Sequence[Sample], unit: str) -> Figure:
         axis.set_aspect("equal")
     for axis in axes.ravel()[len(subjects) :]:
         axis.set_visible(False)
-    axes[0, 0].legend(fontsize=8)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    oval = Line2D([], [], ls="", marker="o", mfc="none", color=BLUE)
+    axes[0, 0].legend([*handles, oval], [*labels, "95 % of what is agreed"], fontsize=7)
     figure.supxlabel(f"x [{unit}]")
     figure.supylabel(f"y [{unit}]")
     return figure

@@ -8,7 +8,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from blackboard.judge.samples import GROUPS
-from blackboard.lab.drawing import BLACK, SKY, STYLE, VERMILION, save_all
+from blackboard.lab.drawing import BLACK, STYLE, VERMILION, save_all
 from blackboard.lab.sweep_plan import Planned
 from blackboard.lab.sweep_report import Card, measure
 
@@ -26,13 +26,15 @@ def comparison(table: Mapping[str, Any], planned: Sequence[Planned], cards: Sequ
     combinations = table["combinations"]
     height = 1.2 + 2 * (0.5 + 0.3 * len(combinations))
     figure = Figure(figsize=(3 + 2.6 * len(COLUMNS), height), layout="constrained")
-    figure.suptitle(f"{table['scenario']}, {len(table['seeds'])} seeds: agreed beliefs")
+    figure.suptitle(
+        f"{table['scenario']}, seeds {_ranges(table['seeds'])} (dots): means of what is agreed, 95 % intervals"
+    )
     axes = figure.subplots(len(GROUPS), len(COLUMNS), squeeze=False, sharey=True)
     for row, group in zip(axes, GROUPS, strict=True):
         row[0].set_ylabel(group)
         for axis, (name, title) in zip(row, COLUMNS.items(), strict=True):
             for one, card in zip(planned, cards, strict=True):
-                axis.plot(measure(card, group, "agreed", name), one.combination, ".", color=SKY, ms=4)
+                axis.plot(measure(card, group, "agreed", name), one.combination, ".", color=BLACK, ms=5, zorder=3)
             for number, each in enumerate(combinations):
                 at = each["scores"][group]["agreed"][name]
                 if at["low"] is not None:
@@ -45,3 +47,14 @@ def comparison(table: Mapping[str, Any], planned: Sequence[Planned], cards: Sequ
             axis.set_yticks(range(len(combinations)), [each["label"] for each in combinations])
             axis.set_ylim(len(combinations) - 0.5, -0.5)
     return figure
+
+
+def _ranges(seeds: Sequence[int]) -> str:
+    """Seeds as they are given: 1..4,9."""
+    runs: list[list[int]] = []
+    for seed in seeds:
+        if runs and seed == runs[-1][-1] + 1:
+            runs[-1].append(seed)
+        else:
+            runs.append([seed])
+    return ",".join(str(run[0]) if len(run) == 1 else f"{run[0]}..{run[-1]}" for run in runs)

@@ -30,8 +30,8 @@ def samples() -> list[Sample]:
 
 
 def test_the_files_are_listed_and_the_same_each_time(tmp_path: Path) -> None:
-    files = drawing.draw_run(samples(), "cell", tmp_path / "one")
-    again = drawing.draw_run(samples(), "cell", tmp_path / "two")
+    files = drawing.draw_run(samples(), "cell", tmp_path / "one", "demo, seed 1")
+    again = drawing.draw_run(samples(), "cell", tmp_path / "two", "demo, seed 1")
     assert [file.name for file in files] == [
         "over-time.svg", "over-time.png", "trajectories.svg", "trajectories.png"
     ]  # fmt: skip
@@ -40,7 +40,7 @@ def test_the_files_are_listed_and_the_same_each_time(tmp_path: Path) -> None:
 
 
 def test_over_time_there_is_a_line_for_each_level_of_robots_and_objects() -> None:
-    figure = drawing.over_time(samples(), "cell")
+    figure = drawing.over_time(samples(), "cell", "demo, seed 1")
     assert [axis.get_ylabel() for axis in figure.axes if axis.get_ylabel()] == [
         "RMS error [cell]", "95 % region [cell²]", "entropy [nats]", "in the 95 % region"
     ]  # fmt: skip
@@ -51,14 +51,25 @@ def test_over_time_there_is_a_line_for_each_level_of_robots_and_objects() -> Non
     covered = figure.axes[6].get_lines()[0]
     np.testing.assert_allclose(covered.get_xdata(), [10, 20])
     np.testing.assert_allclose(covered.get_ydata(), [1, 1])
+    assert figure.get_suptitle() == "demo, seed 1"
+
+
+def test_a_share_has_an_interval_where_there_are_blocks_enough() -> None:
+    two, four = ([replace(ONE, time=time, region=region) for time in range(1, last + 1) for region in (0.1, 0.99)]
+                 for last in (20, 40))  # fmt: skip
+    assert drawing.coverage(two) == "0.50"
+    share, low, high = map(float, drawing.coverage(four).replace("[", "").replace(",", "").replace("]", "").split())
+    assert 0 < low < share == 0.5 < high < 1
 
 
 def test_a_way_has_one_sample_a_tick_and_ellipses() -> None:
     way = drawing.agreed_way(samples(), "object/ball")
     assert [sample.tick for sample in way] == list(range(1, 101))
-    figure = drawing.trajectories(samples(), "m")
+    figure = drawing.trajectories(samples(), "m", "demo, seed 1")
     assert [axis.get_title() for axis in figure.axes if axis.get_visible()] == ["robot/r1", "object/ball"]
     assert len(figure.axes[0].patches) >= drawing.ELLIPSES
+    legend = figure.axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["truth", "agreed", "95 % of what is agreed"]
 
 
 def test_an_ellipse_holds_95_percent_of_the_gaussian() -> None:
@@ -73,4 +84,4 @@ def test_an_ellipse_holds_95_percent_of_the_gaussian() -> None:
 
 def test_without_samples_there_is_nothing_to_draw(tmp_path: Path) -> None:
     with pytest.raises(RunFailed, match="no samples"):
-        drawing.draw_run([], "cell", tmp_path)
+        drawing.draw_run([], "cell", tmp_path, "demo")

@@ -248,6 +248,7 @@ def test_the_picture_has_a_dot_for_each_run(tmp_path: Path) -> None:
     figure = drawing.comparison(result, planned, cards)
     dots = [line for line in figure.axes[0].get_lines() if line.get_marker() == "."]
     assert [line.get_xdata()[0] for line in dots] == [cards[i]["scores"]["robots"]["agreed"]["rmse"] for i in range(10)]
+    assert figure.get_suptitle().startswith("t, seeds 1..5 (dots)")
     drawing.draw_sweep(result, planned, cards, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["sweep.png", "sweep.svg"]
 
