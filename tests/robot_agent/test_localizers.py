@@ -1,17 +1,23 @@
 """Which localizers there are: the package's own, a script's, and those of installed packages."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from blackboard import plugins
 from blackboard.config import Scenario
 from blackboard.errors import UserError
+from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
-from blackboard.wire.messages import Fix, Readings
+from blackboard.opinion.weights import entropy
+from blackboard.wire.messages import Fix, Readings, Sighting
+from examples.own_localizer import kalman
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator
+from robot_agent.localizer import Localizer
 from robot_agent.localizers import known_localizers, localizer, localizer_factory
 from robot_agent.pose import PoseLocalizer
 from robot_agent.position import PositionLocalizer
@@ -48,6 +54,25 @@ def test_a_script_registers_its_own() -> None:
     readings = Readings(run="x", robot="r1", tick=0, time=0.0, odometry=None, compass=0.0, fix=None, sightings=[])
     assert estimator.advance(readings).localizer.marginal().mean() == pytest.approx((0.55, 0.55), abs=0.01)
     assert "begins near the origin" in known_localizers()
+
+
+def test_the_example_from_scratch_is_a_localizer() -> None:
+    unknown = kalman(named("kalman"), GRID)
+    assert isinstance(unknown, Localizer)
+    assert unknown.covariance == pytest.approx(np.diag([4.0**2, 3.6**2]) / 12)
+    robot = unknown.update_with_fix(Fix(position=(-1.0, 0.0), sigma=0.2, heading=0.0))
+    assert robot.marginal().mean() == pytest.approx((-1.0, 0.0), abs=0.05)
+    assert robot.entropy() == pytest.approx(entropy(robot.marginal().p), abs=0.05)
+    driven = robot.predict(TickMotion(0.5, 0.0, 1.0, 0.01, 0.03, 0.0), compass=None)
+    assert driven.mean - robot.mean == pytest.approx((0.5, 0.0))
+    assert driven.covariance - robot.covariance == pytest.approx(np.diag([0.01, 0.03]))
+    landmark = Sighting(subject="landmark/1", range=1.0, bearing=math.pi / 2)
+    seen = driven.update_with_sighting(landmark, None, np.array([-0.3, 1.0]), np.zeros((2, 2)))
+    assert driven.mean[0] < seen.mean[0] < -0.3
+    assert seen.entropy() < driven.entropy() < driven.tempered(0.5).entropy()
+    assert driven.project(landmark, None).mean() == pytest.approx(driven.mean + (0.0, 1.0), abs=0.05)
+    agreed = gaussian(GRID, (-0.2, 0.1), 0.15)
+    assert driven.fold(agreed, driven.marginal()).marginal().mean() == pytest.approx((-0.2, 0.1), abs=0.02)
 
 
 def test_a_name_is_given_once() -> None:
