@@ -153,7 +153,7 @@ def _without(
 ) -> tuple[float | None, dict[str, Table]]:
     """How far the recomputed consensus is from the published one (nats), and for each source what is without it.
 
-    None where it cannot be computed again: a report was not seen here, or the rule is not installed here.
+    None where it cannot be computed again: a report was not seen, the rule is not installed, or something else was published.
     """
     ages = {used.source: used.age for used in consensus.used}
     powers = {(used.source, str(used.how)): min(max(used.power, LEAST_POWER), 1.0) for used in consensus.used}
@@ -181,7 +181,8 @@ def _without(
         for name in opinions:
             others = [its for other, its in opinions.items() if other != name]
             without[name] = _change(full, fused(others)) if others else {}
-        return kullback_leibler(published.p, full.p), without
+        distance = kullback_leibler(published.p, full.p)
+        return (distance, without) if math.isfinite(distance) else (None, {})
     except (OpinionError, Refused, UserError, ValueError):  # a rule that is not installed here, or other grids
         return None, {}
 

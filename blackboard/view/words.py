@@ -25,7 +25,7 @@ def sentences(told: Table) -> list[str]:
     lines += _motion(first, told["unit"])
     lines += ["", _agreement(told), *_who(first, told), "", *_numbers(first, told)]
     for level in others:
-        if level["mean"] is None or not _is_same(level, first):
+        if None in (level["mean"], first["mean"]) or not _is_same(level, first):
             lines += ["", f"Sub-team {level['sub_team']} by itself: {_place(level, told['unit'])}.", *_who(level, told)]
             lines += _numbers(level, told)
         elif first["rule"] != JOINT:

@@ -1,5 +1,6 @@
 """Why: what is computed again is what was published, what is left out is really left out, and the sentences say it."""
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,6 +12,7 @@ from blackboard.board.fusion import fuse_opinions
 from blackboard.config import BoardSection
 from blackboard.errors import UserError
 from blackboard.opinion.agreement import kullback_leibler
+from blackboard.opinion.belief import gaussian
 from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.provenance import Opinion
 from blackboard.state.fold import Fold
@@ -20,10 +22,11 @@ from blackboard.view.feed import TapeFeed
 from blackboard.view.summary import summary, text
 from blackboard.view.why import explain
 from blackboard.view.words import LITTLE, sentences
-from blackboard.wire.arrays import unpack
+from blackboard.wire import keys
+from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Camp, Consensus, Dissent, Status
+from blackboard.wire.messages import Camp, Consensus, Dissent, Report, Status
 from tests.present import present
 from tests.scenarios import LEARNS, SCENARIO
 from tests.view.recorded import record, recorded, team_of
@@ -58,6 +61,34 @@ def test_every_pooled_belief_is_computed_again_as_it_was_published() -> None:
                 assert present(level["recomputed"]) < QUANTISED
                 checked += 1
     assert checked > 20
+
+
+def test_an_agreed_belief_that_cannot_be_read_has_sentences() -> None:
+    team, moment = newest(
+        folded_with(lambda said: {"belief": said.belief.model_copy(update={"data": b"x"})}).teams["t"]
+    )
+    told = explain(team, moment, "robot/r1")
+    assert told["levels"][0]["mean"] is None
+    assert any(line.startswith("Sub-team a by itself: at (") for line in sentences(told))
+
+
+def test_a_belief_that_is_impossible_by_its_sources_is_json() -> None:
+    """Where they are certain that it is not."""
+    fold = Fold()
+    here, elsewhere = (pack(gaussian(SCENARIO.grid, place, 0.1)) for place in ((5, 5), (20, 20)))
+    for envelope, now in recorded():
+        payload = envelope.payload
+        if keys.REPORT.match(envelope.key):
+            report = decode(Report, payload)
+            certain = here.model_copy(update={"rest": 0.0})
+            payload = encode(report.model_copy(update={"belief": certain, "informed": None}))
+        elif keys.CONSENSUS.match(envelope.key):
+            said = decode(Consensus, payload)
+            payload = encode(said.model_copy(update={"belief": elsewhere, "firsthand": None}))
+        fold.hear_envelope(replace(envelope, payload=payload), now)
+    told = explain(*newest(fold.teams["t"]), "robot/r1")
+    assert json.loads(json.dumps(told, allow_nan=False)) == told
+    assert {level["recomputed"] for level in told["levels"] if level["level"] == "consensus"} == {None}
 
 
 def test_what_a_board_learned_is_computed_again_as_well() -> None:
