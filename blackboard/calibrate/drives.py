@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from blackboard.errors import UserError
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings
 
 # Seconds: one sighting of each thing by each robot in so long, because frames that follow each other err alike.
 EVERY = 1.0
+LONGEST_TICK = 86_400.0  # seconds
 MOST_TICKS = 20_000  # that are taken of a recording
 
 
@@ -102,13 +104,22 @@ class Drives:
 def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool = True) -> Drives:
     """The readings of a team as arrays. `compass` is the sigma (rad) of a heading that comes without one.
 
-    Not `trusted`: fixes and headings are left out, as those of a replay, which come from the truth.
+    Ticks that do not end after all before them are left out.
+    Not `trusted`: fixes and headings are left out, as those of a replay, which come from the truth. UserError: a tick of days.
     """
     by_tick = _by_tick(readings)
-    ticks = sorted(by_tick)
+    ends = {tick: max(one.time for one in some.values()) for tick, some in by_tick.items()}
+    ticks = list[int]()
+    for tick in sorted(by_tick):
+        if not ticks or ends[tick] > ends[ticks[-1]]:
+            ticks.append(tick)
     robots = tuple(sorted({name for some in by_tick.values() for name in some}))
     number = {f"robot/{name}": n for n, name in enumerate(robots)}
-    times = np.array([max(one.time for one in by_tick[tick].values()) for tick in ticks])
+    times = np.array([ends[tick] for tick in ticks])
+    if (longest := float(np.diff(times).max(initial=0.0))) > LONGEST_TICK:
+        raise UserError(
+            f"the times of the readings jump by {longest:g} s: give a part of them, as `blackboard tape cut` makes it"
+        )
     odometry, measured = np.zeros((len(ticks), len(robots), 4)), np.zeros((len(ticks), len(robots)), dtype=bool)
     seen, fixes, headings = list[tuple[float, ...]](), list[tuple[float, ...]](), list[tuple[float, ...]]()
     places: dict[str, tuple[float, float]] = {}

@@ -51,6 +51,8 @@ def _because(level: Table) -> str:
     if len(names) == 1:
         told = sorted(level["ancestors"])
         return f"{_and(told) if told else names[0]} said so, and nobody else did"
+    if not names:
+        return "its board says so, and not who said it"
     weights = {name: _importance(level, name) for name in names}
     main = max(names, key=lambda name: weights[name])
     rest = [name for name in names if name != main and not _is_idle(level["without"].get(name))]

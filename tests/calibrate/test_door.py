@@ -4,6 +4,8 @@ import io
 import json
 import statistics
 import tomllib
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -21,14 +23,15 @@ from tests.files import DATASET7
 DATASET9 = DATASET7.with_name("dataset9")
 
 
-def taped(path: Path, readings: bool = True, seconds: float = 90.0) -> Path:
+def taped(
+    path: Path, readings: bool = True, seconds: float = 90.0, stamped: Callable[[float], float] = lambda time: time
+) -> Path:
     """A tape with what two robots measured, and their scenario."""
     file, scenario = io.BytesIO(), load("mrclam").changed("team", sub_teams={"a": ["r1", "r2"]})
     writer = TapeWriter(file, {"team": "mrclam", "scenario": scenario.to_json()})
     for measured in team([Robot(arc_turn=0.6), Robot()], seconds, 1) if readings else ():
-        writer.write(
-            1e9 + measured.time, Envelope(keys.READING.key(team="mrclam", robot=measured.robot), encode(measured))
-        )
+        said = measured.model_copy(update={"time": stamped(measured.time)})
+        writer.write(1e9 + measured.time, Envelope(keys.READING.key(team="mrclam", robot=said.robot), encode(said)))
     writer.close()
     path.write_bytes(file.getvalue())
     return path
@@ -70,15 +73,28 @@ def test_as_json_there_is_nothing_else_also_where_residuals_are_drawn(tape: Path
         (("{tape}", "--track", "0"), "--track 0: give the distance"),
         (("{empty}",), "no readings are on it"),
         (("{short}",), "nothing says where the robots are"),
+        (("{far}",), "the times of the readings jump by 1e+11 s"),
     ],
 )
 def test_a_mistake_is_a_line(words: tuple[str, ...], complaint: str, tape: Path, tmp_path: Path) -> None:
     empty = taped(tmp_path / "empty.mcap", readings=False)
     short = taped(tmp_path / "short.mcap", seconds=0.0)  # one tick
-    ran = Ran("calibrate", *(word.format(tape=tape, empty=empty, short=short) for word in words))
+    far = taped(tmp_path / "far.mcap", stamped=lambda time: time + 1e11 * (time > 20.0))
+    made = {"tape": tape, "empty": empty, "short": short, "far": far}
+    ran = Ran("calibrate", *(word.format(**made) for word in words))
     assert ran.status != 0
     assert complaint in ran.err
     assert len(ran.err.strip().splitlines()) == 1
+
+
+def test_a_tick_that_ends_before_others_is_left_out(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        back = taped(tmp_path / "x.mcap", stamped=lambda time: time - 20.0 * (40.0 < time < 41.0))
+        ran = Ran("calibrate", str(back), "--json")
+    assert ran.status == 0, ran.err
+    numbers = json.loads(ran.out)["robots"]["r1"]["numbers"]
+    assert numbers["turn, arc"]["value"] == pytest.approx(0.6, abs=0.05)
 
 
 @pytest.mark.skipif(not DATASET9.is_dir(), reason="needs the MRCLAM recording in ../shared/mrclam/dataset9")

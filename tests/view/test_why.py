@@ -72,6 +72,11 @@ def test_an_agreed_belief_that_cannot_be_read_has_sentences() -> None:
     assert any(line.startswith("Sub-team a by itself: at (") for line in sentences(told))
 
 
+def test_a_belief_of_which_no_source_is_named_has_sentences() -> None:
+    told = explain(*newest(folded_with(lambda said: {"used": []}).teams["t"]), "robot/r1")
+    assert sentences(told)[0].endswith("because its board says so, and not who said it.")
+
+
 def test_a_belief_that_is_impossible_by_its_sources_is_json() -> None:
     """Where they are certain that it is not."""
     fold = Fold()
