@@ -1,20 +1,34 @@
 """The picture of the page in the README: `make screenshots`, or `python -m tests.view.screenshots OUT.png [TAPE.mcap [TICK [SUBJECT]]]`.
 
-Without a tape it records one: the demo of 40 s. Other sizes and themes for one's own eyes: `--all FOLDER`.
+Without a tape it records one: the demo of 40 s. Other sizes and themes for one's own eyes: `--all FOLDER`. A picture tells of which
+page it is, so that a test can say when it is old.
 """
 
+import hashlib
 import subprocess
 import sys
 import tempfile
+import zlib
 from pathlib import Path
 
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
+from tests.files import ROOT
 from tests.view.browser import FOUND, MISSING, Browser, browser
 from tests.view.serving import served
 
+HEADER = 33  # bytes of a PNG before its second chunk
 TICK, SUBJECT = 150, "robot/r1"
 SIZES = ((1280, 800, False), (390, 844, True), (1920, 1080, False), (2560, 1300, False))
+
+
+def of_page() -> bytes:
+    """A text chunk of a PNG that names the page's files as they are now."""
+    digest = hashlib.sha256()
+    for file in sorted((ROOT / "blackboard" / "view" / "web" / "page").iterdir()):
+        digest.update(file.read_bytes())
+    chunk = b"tEXtpage\0" + digest.hexdigest().encode()
+    return (len(chunk) - 4).to_bytes(4) + chunk + zlib.crc32(chunk).to_bytes(4)
 
 
 def show(page: Browser, url: str, tick: int, subject: str, theme: str) -> None:
@@ -44,7 +58,10 @@ def main() -> None:
                 for theme in ("dark", "light") if every else ("dark",):
                     page.size(width, height, phone=phone, ratio=2 if phone else 1)
                     show(page, url, tick, subject, theme)
-                    page.screenshot(Path(out) / f"{width}-{theme}.png" if every else Path(out))
+                    picture = Path(out) / f"{width}-{theme}.png" if every else Path(out)
+                    page.screenshot(picture)
+                    png = picture.read_bytes()
+                    picture.write_bytes(png[:HEADER] + of_page() + png[HEADER:])
 
 
 if __name__ == "__main__":

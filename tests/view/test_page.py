@@ -12,7 +12,9 @@ import pytest
 
 from blackboard.view.frame import frame, line
 from blackboard.wire.arrays import unpack
+from tests.files import ROOT
 from tests.view.recorded import team_of
+from tests.view.screenshots import of_page
 
 NODE = shutil.which("node")
 SCRIPT = """
@@ -116,3 +118,8 @@ def within(pieces: np.ndarray, x: float, y: float) -> bool:
 def test_coverage_is_the_running_share(page: dict[str, Any]) -> None:
     held = [moment.subjects["robot/r1"].scores["agreed"].held for moment in team_of().moments]
     assert page["coverage"] == pytest.approx([np.mean(held[: n + 1]) for n in range(len(held))], rel=1e-4)
+
+
+def test_the_picture_in_the_readme_is_of_this_page() -> None:
+    """If not: `make screenshots`."""
+    assert of_page() in (ROOT / "docs" / "view.png").read_bytes()
