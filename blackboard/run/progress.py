@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from blackboard.process.clock import UnixClock
 from blackboard.process.printable import printable
 
+FEW = 100  # a smaller share of all than one of so many does not tell how long the rest takes
+
 Show = Callable[[int, int], None]  # to be called with what is done and the total
 
 
@@ -40,7 +42,8 @@ def _line_by_line(name: str) -> Show:
         nonlocal told
         if done * 10 // total > told:
             told = done * 10 // total
-            left = (clock.now() - began) / done * (total - done)
-            print(f"{name}: {done} of {total} ({left / 60:.1f} min left)", file=sys.stderr, flush=True)  # noqa: T201
+            minutes = (clock.now() - began) / done * (total - done) / 60
+            left = f" ({minutes:.1f} min left)" if done * FEW >= total else ""
+            print(f"{name}: {done} of {total}{left}", file=sys.stderr, flush=True)  # noqa: T201
 
     return show
