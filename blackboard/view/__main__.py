@@ -19,7 +19,7 @@ from blackboard.run.flags import OutputFlags, WhichTeam
 from blackboard.run.terminal import beneath
 from blackboard.view.echo import Rates, key_expression, line
 from blackboard.view.feed import Feed
-from blackboard.view.source import PATIENCE, TeamSource, when
+from blackboard.view.source import PATIENCE, TeamSource, teams_there, when
 from blackboard.view.summary import summary, text
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
@@ -116,7 +116,8 @@ def status(
                 feed.fold.expect(team, which.members)
             if watch and not output.as_json and sys.stdout.isatty():
                 beneath(sys.stdout).write(CLEAR)
-            output.show(summary(feed.fold, clock.now()), partial(text, width=width))
+            there = [] if feed.fold.teams else teams_there(link)
+            output.show(summary(feed.fold, clock.now()), partial(text, width=width, there=there))
             sys.stdout.flush()
             if not watch:
                 break

@@ -49,6 +49,12 @@ class TeamSource:
         return Running(flags.link(), name, self.which, patience, stopped)
 
 
+def teams_there(link: Link) -> list[str]:
+    """The teams of which some process answers."""
+    topics = (keys.parse(status.key) for status in link.get(keys.STATUS.key(team="*", sub_team="*", process="*")))
+    return sorted({parsed[1]["team"] for parsed in topics if parsed is not None})
+
+
 class Running:
     """A running team: its name, its boards' drift, and a feed that follows it while this context lasts."""
 
@@ -66,7 +72,7 @@ class Running:
         """UserError: no name was given, and there are several teams."""
         self._link = Link(self._config, self._name, patience=self._patience, stopped=self._stopped)
         self._link.__enter__()
-        if self._which.team is None and self._which.scenario is None and (there := self._teams()):
+        if self._which.team is None and self._which.scenario is None and (there := teams_there(self._link)):
             if len(there) > 1:
                 self._link.__exit__(None, None, None)
                 raise UserError(f"{self._name}: there are the teams {', '.join(there)}; name one with --team")
@@ -74,13 +80,6 @@ class Running:
         self.feed = Feed(self._link, UnixClock().now, self.team)
         self.feed.fold.expect(self.team, self._which.members)
         return self
-
-    def _teams(self) -> list[str]:
-        """The teams of which some process answers."""
-        topics = (
-            keys.parse(status.key) for status in self._link.get(keys.STATUS.key(team="*", sub_team="*", process="*"))
-        )
-        return sorted({parsed[1]["team"] for parsed in topics if parsed is not None})
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._link.__exit__(kind, error, at)
@@ -123,7 +122,7 @@ class Running:
             chosen = fitting[-1] if fitting and newest is not None and when.is_reached(newest) else None
         if chosen is None:
             what = "has settled nothing" if when is None else f"did not settle {when}"
-            others = ", ".join(other for other in self._teams() if other != self.team)
+            others = ", ".join(other for other in teams_there(self._link) if other != self.team)
             there = f"; there is {others}" if others else ""
             raise RunFailed(f"team {self.team} {what} within {seconds:g} s{there}")
         return chosen

@@ -1,5 +1,6 @@
 """The state of a team in one table: what `blackboard status` prints, and what the live page shows of the processes. Pure."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from blackboard.process.columns import cell, columns, shortened
@@ -160,10 +161,10 @@ def subject(about: About) -> Table:
 # --- as text ----------------------------------------------------------------------------------------------------------------
 
 
-def text(table: Table, width: int | None = None) -> str:
-    """The tables of all teams as text, in lines of at most `width` characters."""
+def text(table: Table, width: int | None = None, there: Sequence[str] = ()) -> str:
+    """The tables of all teams as text, in lines of at most `width` characters; without one, which others are `there`."""
     if not table["teams"]:
-        return "no team is heard of here"
+        return f"this team is not heard of; there is {', '.join(there)}" if there else "no team is heard of here"
     return "\n\n".join(_team_text(team, width) for team in table["teams"])
 
 

@@ -43,6 +43,8 @@ def test_whys_mistakes_are_one_line() -> None:
 def test_status_prints_all_teams_or_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("status", "--seconds", "5") == 0
     assert "team t: lockstep" in capsys.readouterr().out
+    assert call("status", "--seconds", "1", "--team", "other") == 1
+    assert capsys.readouterr().out == "this team is not heard of; there is t\n"
     assert call("status", "--seconds", "5", "--json") == 0
     teams = json.loads(capsys.readouterr().out)
     newest = team_of().moments.newest
