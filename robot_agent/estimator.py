@@ -7,7 +7,7 @@ beliefs are folded.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from blackboard.opinion.classes import is_class
 from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import chernoff
 from blackboard.opinion.weights import entropy_of
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Readings, Sighting
 from blackboard.wire.types import capped
 from robot_agent.config import RobotSection
@@ -34,6 +35,9 @@ SPLIT_WEIGHTS = (0.95, 0.8, 0.5, 0.2)
 
 #: A team-mate whose agreed position has a larger standard deviation than this (cells, both axes together) is no landmark.
 VAGUE = 10.0
+
+#: Seconds for which the error of a mate's place lasts: of its ranges and bearings alone within them each counts for a share.
+LASTING = 5.0
 
 #: The motion of a tick without odometry, the first one.
 STILL = TickMotion(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -61,6 +65,9 @@ class Estimator:
     objects: dict[str, Belief] = field(default_factory=dict)
     seen: dict[str, Belief] = field(default_factory=dict)  # mates, only where sighted in this tick
     ancestors: dict[str, float] = field(default_factory=dict)
+    parts: dict[str, float] = field(
+        default_factory=dict
+    )  # mate -> when (s) a range or a bearing alone of it was taken last
     pending_variance: float = 0.0  # unit ** 2: the objects' motion by which their beliefs are not yet blurred
 
     @classmethod
@@ -82,12 +89,10 @@ class Estimator:
         if readings.fix is not None:
             localizer = localizer.update_with_fix(readings.fix)
         exact = np.zeros((2, 2))
-        for sighting in readings.sightings:
+        everything: list[Sighting | Seen] = [*readings.sightings, *readings.seen]
+        for sighting in everything:
             if sighting.landmark is not None:
-                localizer = localizer.update_with_sighting(sighting, moved, np.array(sighting.landmark), exact)
-        for part in readings.seen:
-            if part.kind in PARTS and part.landmark is not None and isinstance(localizer, TakesParts):
-                localizer = localizer.update_with_part(part, moved, np.array(part.landmark))
+                localizer = _updated(localizer, sighting, moved, np.array(sighting.landmark), exact)
         after = replace(
             self,
             localizer=localizer,
@@ -122,19 +127,26 @@ class Estimator:
     def _update_with_mates(self, readings: Readings, moved: TickMotion | None, mates: Mapping[str, Mate]) -> Estimator:
         """Use each team-mate that was seen, and whose agreed position is not vague, as an uncertain landmark."""
         estimator = self
-        for sighting in newest(readings.sightings):
+        sightings: list[Sighting | Seen] = [*newest(readings.sightings), *parts_of(readings, mates)]
+        for sighting in sightings:
             mate = mates.get(sighting.subject)
             if mate is None or math.sqrt(np.trace(mate.covariance)) > VAGUE * self.grid.cell:
                 continue
+            by_part = isinstance(sighting, Seen)
             if set(mate.ancestors).isdisjoint(estimator.ancestors):
-                localizer = estimator.localizer.update_with_sighting(sighting, moved, mate.mean, mate.covariance)
+                localizer = _updated(estimator.localizer, sighting, moved, mate.mean, mate.covariance)
+            elif by_part and self.robot not in mate.ancestors:
+                times = LASTING / max(readings.time - self.parts.get(sighting.subject, -math.inf), 1e-9)
+                spread = max(1.0, times) * mate.covariance
+                localizer = _updated(estimator.localizer, sighting, moved, mate.mean, spread)
             else:
                 localizer = estimator._intersected(sighting, moved, mate)
             ancestors = capped({**mate.ancestors, **estimator.ancestors}, lambda: {self.robot})
-            estimator = replace(estimator, localizer=localizer, ancestors=ancestors)
+            parts = {**estimator.parts, sighting.subject: readings.time} if by_part else estimator.parts
+            estimator = replace(estimator, localizer=localizer, ancestors=ancestors, parts=parts)
         return estimator
 
-    def _intersected(self, sighting: Sighting, moved: TickMotion | None, mate: Mate) -> Localizer:
+    def _intersected(self, sighting: Sighting | Seen, moved: TickMotion | None, mate: Mate) -> Localizer:
         """Split covariance intersection (Julier & Uhlmann) with the w of least entropy.
 
         P(own)^w P(sighting; mate's covariance / (1 - w)): conservative whatever evidence the two have in common. The
@@ -143,7 +155,7 @@ class Estimator:
         options = [self.localizer]
         for w in SPLIT_WEIGHTS:
             discounted = mate.covariance / (1 - w)  # P(own)^w P(sighting; mate's covariance / (1 - w))
-            options.append(self.localizer.tempered(w).update_with_sighting(sighting, moved, mate.mean, discounted))
+            options.append(_updated(self.localizer.tempered(w), sighting, moved, mate.mean, discounted))
         return min(options, key=lambda option: option.entropy())
 
     def _track(self, readings: Readings, moved: TickMotion | None) -> Estimator:
@@ -174,6 +186,23 @@ class Estimator:
 def newest(sightings: list[Sighting]) -> list[Sighting]:
     """The last sighting of each subject that is named: frames that follow each other share their error."""
     return list({sighting.subject: sighting for sighting in sightings if not is_class(sighting.subject)}.values())
+
+
+def parts_of(readings: Readings, mates: Collection[str]) -> list[Seen]:
+    """The last range alone, and the last bearing alone, of each of some mates."""
+    parts = [seen for seen in readings.seen if seen.kind in PARTS and seen.subject in mates]
+    return list({(seen.subject, seen.kind): seen for seen in parts}.values())
+
+
+def _updated(
+    localizer: Localizer, sighting: Sighting | Seen, moved: TickMotion | None, place: Array, covariance: Array
+) -> Localizer:
+    """Bayes with a sighting of any kind; what a localizer does not take changes nothing."""
+    if isinstance(sighting, Sighting):
+        return localizer.update_with_sighting(sighting, moved, place, covariance)
+    if sighting.kind in PARTS and isinstance(localizer, TakesParts):
+        return localizer.update_with_part(sighting, moved, place, covariance)
+    return localizer
 
 
 def combined(tracked: Belief | None, seen: Belief, fresh: float) -> Belief:

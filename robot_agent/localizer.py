@@ -56,5 +56,5 @@ class Localizer(Protocol):
 class TakesParts(Localizer, Protocol):
     """A localizer that also takes ranges and bearings alone; of another one they are left out."""
 
-    def update_with_part(self, seen: Seen, motion: TickMotion | None, place: Array) -> TakesParts:
-        """Bayes with a range or a bearing alone of something that stands at `place`, shape (2,)."""
+    def update_with_part(self, seen: Seen, motion: TickMotion | None, place: Array, covariance: Array) -> TakesParts:
+        """The same as `update_with_sighting` with a range or a bearing alone."""

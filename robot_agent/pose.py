@@ -71,23 +71,19 @@ class PoseLocalizer:
         self, sighting: Sighting, motion: TickMotion | None, place: Array, covariance: Array
     ) -> PoseLocalizer:
         """p(range, bearing | pose): Gaussian in both, the place's covariance taken along and across the line of sight."""
-        vision, poses, cell = self.settings.vision, self.poses, self.poses.grid.cell
-        distance, off, (ux, uy) = self._seen_from(sighting, motion, place, sighting.bearing)
-        (cxx, cxy), (_, cyy) = covariance + np.eye(2) * cell**2 / 12
-        # u^T C u along the line of sight u, and n^T C n across it, n = (-uy, ux)
-        radial = range_variance(sighting.range, vision) + ux * ux * cxx + 2 * ux * uy * cxy + uy * uy * cyy
-        across = uy * uy * cxx - 2 * ux * uy * cxy + ux * ux * cyy
-        angular = bearing_variance(vision) + poses.bin**2 / 12 + across / distance**2
+        vision = self.settings.vision
+        distance, off, sight = self._seen_from(sighting, motion, place, sighting.bearing)
+        along, angle = self._spread(distance, sight, covariance)
+        radial, angular = range_variance(sighting.range, vision) + along, bearing_variance(vision) + angle
         squared = (sighting.range - distance) ** 2 / radial + off**2 / angular
         likelihood = np.exp(-0.5 * squared) / np.sqrt(radial * angular)
         return self._weighed(likelihood)
 
-    def update_with_part(self, seen: Seen, motion: TickMotion | None, place: Array) -> PoseLocalizer:
-        blur, variance = self.poses.grid.cell**2 / 12, part_variance(seen, self.settings)
-        distance, off, _ = self._seen_from(seen, motion, place, seen.values[0])
-        if seen.kind == "range":
-            return self._weighed(np.exp(-0.5 * (seen.values[0] - distance) ** 2 / (variance + blur)))
-        spread = variance + self.poses.bin**2 / 12 + blur / distance**2
+    def update_with_part(self, seen: Seen, motion: TickMotion | None, place: Array, covariance: Array) -> PoseLocalizer:
+        distance, bearing, sight = self._seen_from(seen, motion, place, seen.values[0])
+        along, angle = self._spread(distance, sight, covariance)
+        off, spread = (seen.values[0] - distance, along) if seen.kind == "range" else (bearing, angle)
+        spread = spread + part_variance(seen, self.settings)
         return self._weighed(np.exp(-0.5 * off**2 / spread) / np.sqrt(spread))
 
     def tempered(self, power: float) -> PoseLocalizer:
@@ -167,6 +163,15 @@ class PoseLocalizer:
         distance = np.maximum(np.hypot(dx, dy), poses.grid.cell / 2)
         off = wrap(np.arctan2(dy, dx) - (headings - turned)[:, None, None] - bearing)
         return distance, off, (dx / distance, dy / distance)
+
+    def _spread(self, distance: Array, sight: tuple[Array, Array], covariance: Array) -> tuple[Array, Array]:
+        """Variances of a range (unit ** 2) and a bearing (radians ** 2) that come from a place's covariance and from the grid."""
+        ux, uy = sight
+        (cxx, cxy), (_, cyy) = covariance + np.eye(2) * self.poses.grid.cell**2 / 12
+        # u^T C u along the line of sight u, and n^T C n across it, n = (-uy, ux)
+        along = ux * ux * cxx + 2 * ux * uy * cxy + uy * uy * cyy
+        across = uy * uy * cxx - 2 * ux * uy * cxy + ux * ux * cyy
+        return along, self.poses.bin**2 / 12 + across / distance**2
 
     def _weighed(self, likelihood: Array) -> PoseLocalizer:
         """Bayes' rule with a likelihood of the held poses, which may be misread."""

@@ -143,19 +143,28 @@ class PositionLocalizer:
         near = around(self.grid, self._on_grid(*place), (reach, reach))
         return self._update(LazyLikelihood(seen_from, near, near, misread))
 
-    def update_with_part(self, seen: Seen, motion: TickMotion | None, place: Array) -> PositionLocalizer:
+    def update_with_part(
+        self, seen: Seen, motion: TickMotion | None, place: Array, covariance: Array
+    ) -> PositionLocalizer:
         driven, turned = motion_since(seen, motion)
         c, s = math.cos(self.heading), math.sin(self.heading)
-        variance, blur = part_variance(seen, self.settings), self.grid.cell**2 / 12
+        variance, (cxx, cxy), (_, cyy) = (
+            part_variance(seen, self.settings),
+            *(covariance + np.eye(2) * self.grid.cell**2 / 12),
+        )
 
         def likelihood(window: Window) -> Array:
             x, y = self._centres(window)
             dx, dy = place[0] - x + driven * c, place[1] - y + driven * s
             distance = np.maximum(np.hypot(dx, dy), self.grid.cell / 2)
+            ux, uy = dx / distance, dy / distance
             if seen.kind == "range":
-                return np.asarray(np.exp(-0.5 * (seen.values[0] - distance) ** 2 / (variance + blur)))
-            off = wrap(np.arctan2(dy, dx) - (self.heading - turned) - seen.values[0])
-            return np.asarray(np.exp(-0.5 * off**2 / (variance + blur / distance**2)))
+                off = seen.values[0] - distance
+                spread = variance + ux * ux * cxx + 2 * ux * uy * cxy + uy * uy * cyy
+            else:
+                off = wrap(np.arctan2(dy, dx) - (self.heading - turned) - seen.values[0])
+                spread = variance + (uy * uy * cxx - 2 * ux * uy * cxy + ux * ux * cyy) / distance**2
+            return np.asarray(np.exp(-0.5 * off**2 / spread) / np.sqrt(spread))
 
         everywhere = whole(self.grid.shape)  # a ring, or a ray, has no box that is smaller by much
         return self._update(LazyLikelihood(likelihood, everywhere, everywhere, math.exp(-self.settings.vision.misread)))

@@ -215,7 +215,7 @@ class AgentService(Around):
         if unknown := sum(not sighting.is_known for sighting in readings.seen):
             self.counters["unknown_kinds"] += unknown
         if isinstance(self.agent, Agent):
-            parts = sum(sighting.kind in PARTS and sighting.landmark is None for sighting in readings.seen)
+            parts = sum(seen.kind in PARTS and seen.subject.startswith("object/") for seen in readings.seen)
             self.counters.update({"unused_parts": parts} if parts else {})
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})

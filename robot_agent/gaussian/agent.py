@@ -163,7 +163,9 @@ class JointAgent:
     def _search(self, readings: Readings, agreed: Mapping[str, TeamBelief]) -> tuple[list[Report], Solo]:
         """Look for the pose on grids, and hand it over to the filter once there is one hypothesis.
 
-        Where mates alone tell it, it is where the filter linearises, and no evidence: the joint has their sightings.
+        Where mates alone tell it, it is where the filter linearises, and no evidence: the joint has their sightings. It has no
+        ranges and bearings alone of a robot that it does not know. So of these the pose is evidence, with half of its weight,
+        because what it shares with the places of the mates is not told.
         """
         if self.searching is None:
             self.searching = Agent(self.robot, self.settings, self.grid, self.feedback)
@@ -171,7 +173,7 @@ class JointAgent:
         self.team = None
         pose = pose_of(self.searching.firsthand.localizer)
         if pose is None and (at := pose_of(self.searching.informed.localizer)) is not None:
-            pose = Moments(at.mean, NOTHING)
+            pose = Moments(at.mean, 2 * at.covariance if self.searching.informed.parts else NOTHING)
         if pose is not None:
             self.filter.enter(pose)
         return reports, solo

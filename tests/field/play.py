@@ -6,6 +6,7 @@ import time
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from blackboard.client.agreed import Agreed, TeamNews
 from blackboard.config import Scenario
 from blackboard.net.scheduler import Scheduler
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Sighting
 from examples.field.central import Central
 from examples.field.world import HEIGHT, WIDTH, Said, Truth, World
@@ -137,6 +139,15 @@ def posterior(said: Said, truth: Truth, sigmas: bool, own: Central, robot: str) 
     return SinceStep(step.odometry or still, None, None, step.sightings, posterior=Moments(mean, covariance))
 
 
+def parts_alone(since: SinceStep, kind: Literal["range", "bearing"]) -> SinceStep:
+    """The same with the ranges, or the bearings, of its sightings alone."""
+    seen = []
+    for sighting in since.sightings:
+        value, sigma = getattr(sighting, kind), getattr(sighting, f"{kind}_sigma")
+        seen.append(Seen(subject=sighting.subject, kind=kind, values=(value,), covariance=(sigma**2,)))
+    return replace(since, sightings=(), seen=tuple(seen))
+
+
 class Robots(Scheduler):
     """A board and the robots of a scenario on one bus, which begins `began` seconds after a board's period does."""
 
@@ -166,8 +177,8 @@ class Field(Robots):
     """Boards and robots of a scenario, whose robots are driven by a world.
 
     `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement. `unplaced`: these are
-    not told where they start. All claim `cautious` times the noise that their cameras have. It begins `began` seconds after a board's
-    period does.
+    not told where they start. All claim `cautious` times the noise that their cameras have, and see ranges or bearings `alone`. It
+    begins `began` seconds after a board's period does.
     """
 
     def __init__(
@@ -181,10 +192,12 @@ class Field(Robots):
         fed_back: bool = False,
         unplaced: tuple[str, ...] = (),
         cautious: float = 1.0,
+        alone: Literal["range", "bearing"] | None = None,
         began: float = 0.0,
     ) -> None:
         super().__init__(chosen, began)
         self.world, self.sigmas, self.own, self.fed_back, self.unplaced = world, sigmas, own, fed_back, unplaced
+        self.alone = alone
         self.claimed = replace(world.truth, range=cautious * world.truth.range, bearing=cautious * world.truth.bearing)
         self.phases = dict(phases or {})  # robot -> seconds that it steps late
         self.work: list[float] = []
@@ -212,6 +225,7 @@ class Field(Robots):
                     if self.fed_back and (before := self.robots[robot].pose()) is not None:
                         alone[robot].take(before.mean, before.covariance)
                     since = posterior(step, truth, self.sigmas, alone[robot], robot)
+                since = since if self.alone is None else parts_alone(since, self.alone)
                 if settled and (ball := self.agreed.get("object/ball")) is not None:
                     self.ages.append(self.now - ball.time)
                 began = time.thread_time()

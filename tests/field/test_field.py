@@ -1,5 +1,7 @@
 """A team of `Robot`s on a field, against one Kalman filter that has all readings and the true models."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,22 @@ def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mate
         late = len(unknown.squared) // 2
         assert np.mean(unknown.squared[late:]) <= 2 * np.mean(known.squared[late:])
         assert unknown.coverage() >= 0.85
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_a_robot_that_is_not_told_where_it_starts_finds_itself_by_ranges_or_bearings_alone_of_its_mates(
+    kind: Literal["range", "bearing"],
+) -> None:
+    """Before, it knew nothing for all of the time: boards take parts about what they know already, and its grids took none."""
+    errors = {}
+    for unplaced in ((), ("r2",)):
+        field = Field(World(202), new_scenario(Truth(), told=False), unplaced=unplaced, alone=kind)
+        errors[unplaced] = field.play(SECONDS)["team"]
+    known, unknown = errors[()]["r2"], errors["r2",]["r2"]
+    late = len(unknown.squared) // 2
+    assert np.mean(unknown.squared[late:]) <= 2 * np.mean(known.squared[late:])
+    assert unknown.coverage() >= 0.85
 
 
 @pytest.mark.long

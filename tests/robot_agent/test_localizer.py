@@ -155,7 +155,7 @@ def test_ranges_or_bearings_alone_of_three_known_points_tell_the_place(settings:
     """Nothing but the heading is known before."""
     localizer = taking_parts(at(settings, 0.0, 0.0, 0.4, sigma=50.0))
     for place in ANCHORS:
-        localizer = localizer.update_with_part(part(kind, (0.35, -0.25, 0.4), place), None, np.array(place))
+        localizer = localizer.update_with_part(part(kind, (0.35, -0.25, 0.4), place), None, np.array(place), EXACT)
     assert localizer.marginal().mean() == pytest.approx((0.35, -0.25), abs=0.1)
     assert math.sqrt(np.trace(localizer.marginal().covariance())) < 0.2
 
@@ -163,7 +163,9 @@ def test_ranges_or_bearings_alone_of_three_known_points_tell_the_place(settings:
 @every
 def test_one_range_alone_leaves_a_ring(settings: RobotSection) -> None:
     localizer = taking_parts(Estimator.begin(settings, GRID, "r1").localizer)
-    localizer = localizer.update_with_part(part("range", (0.0, 0.0, 0.0), (1.0, 0.0)), None, np.array([1.0, 0.0]))
+    localizer = localizer.update_with_part(
+        part("range", (0.0, 0.0, 0.0), (1.0, 0.0)), None, np.array([1.0, 0.0]), EXACT
+    )
     p = localizer.marginal().p
     x, y = GRID.mesh()
     off = np.abs(np.hypot(x - 1.0, y) - 1.0)
@@ -172,11 +174,42 @@ def test_one_range_alone_leaves_a_ring(settings: RobotSection) -> None:
 
 
 @every
+def test_a_range_to_an_uncertain_place_counts_as_its_covariance_says(settings: RobotSection) -> None:
+    """The place is straight ahead in y. Uncertain in x only, the range measures y; uncertain in y only, it hardly does."""
+    localizer = taking_parts(at(settings, 0.05, 0.05, 0.0))
+    place = (0.05, 1.45)
+    measured = part("range", (0.05, -0.15, 0.0), place)
+
+    def y(covariance: list[float]) -> float:
+        after = localizer.update_with_part(measured, None, np.array(place), np.diag(covariance))
+        return float(after.marginal().mean()[1])
+
+    assert y([0.3, 0.0]) == pytest.approx(-0.13, abs=0.04)
+    assert y([0.0, 0.3]) == pytest.approx(0.03, abs=0.04)
+
+
+@every
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_a_part_of_a_vaguer_place_says_less(settings: RobotSection, kind: str) -> None:
+    localizer = taking_parts(at(settings, 0.25, 0.25, 0.3))
+    place = (1.55, 0.85)
+    measured = part(kind, (0.05, 0.15, 0.3), place)
+    entropies = [
+        localizer.update_with_part(measured, None, np.array(place), np.eye(2) * variance).entropy()
+        for variance in (0.0, 0.05, 0.5, 50.0)
+    ]
+    assert entropies == sorted(entropies)
+    assert entropies[-1] - entropies[0] > 0.2
+
+
+@every
 def test_a_range_of_a_tick_ago_counts_from_where_the_robot_was(settings: RobotSection) -> None:
     there = (0.3 * math.cos(0.5), 0.3 * math.sin(0.5))
     localizer = taking_parts(at(settings, *there, 0.5, 0.3))
     for place in ANCHORS:
-        localizer = localizer.update_with_part(part("range", (0.0, 0.0, 0.0), place, age=1.0), MOVED, np.array(place))
+        localizer = localizer.update_with_part(
+            part("range", (0.0, 0.0, 0.0), place, age=1.0), MOVED, np.array(place), EXACT
+        )
     assert localizer.marginal().mean() == pytest.approx(there, abs=0.07)
 
 
