@@ -25,6 +25,11 @@ def test_the_newest_release_of_the_changelog_is_this_version() -> None:
     assert all(re.fullmatch(r"\d{4}-\d\d-\d\d", date) for _, date in heads[1:])
 
 
+def test_each_change_is_one_line_of_the_changelog() -> None:
+    _, *lines = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").partition("## [Unreleased]")[2].splitlines()
+    assert [line for line in lines if line and not line.startswith(("- ", "## [", "### "))] == []
+
+
 def test_reading_the_metadata_waits_until_it_is_asked_for() -> None:
     """`import blackboard` loads neither the metadata nor the entry points of plug-ins, which `importlib.metadata` reads."""
     assert "importlib.metadata" not in loaded_by("blackboard")
