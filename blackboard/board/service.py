@@ -31,6 +31,7 @@ from blackboard.wire.types import Message
 log = logging.getLogger(__name__)
 
 FACTS = {"reports": "reports", "exchange": "consensuses"}  # what a phase of a tick waits for
+LONGER = 1.25  # times the patience: another board, which waits for a robot to the end, is not late itself
 SILENT = 5.0  # seconds that a leader may publish nothing of what this board has settled; another one then has all that it lacks
 
 
@@ -69,7 +70,8 @@ class BoardService:
         self.intake = Intake()
         self.roster = Roster(*self.tokens)
         self.clock = TeamClock(self.roster, settings.period)
-        self.rounds = Rounds(BOARD, {"patience": settings.patience, "half a period": settings.period / 2}, "settled")
+        waits = {"patience": settings.patience, "patience with boards": LONGER * settings.patience}
+        self.rounds = Rounds(BOARD, {**waits, "half a period": settings.period / 2}, "settled")
         self.lead = Lead(self.roster, sub_team, board, silent=SILENT)
         self.clocks = Clocks(f"{sub_team}/{board}", settings.skew, self.clock)
         self.guests = Guests(members)

@@ -43,7 +43,7 @@ BOARD: Table = {
     (Pace.REALTIME, "exchange"): Row("consensuses", "half a period", "settled", late=True, when="before"),
     (Pace.LOCKSTEP, "settled"): Row("", "never", "settled"),
     (Pace.LOCKSTEP, "reports"): Row("reports", "patience", "exchange", late=True),
-    (Pace.LOCKSTEP, "exchange"): Row("consensuses", "patience", "settled", late=True),
+    (Pace.LOCKSTEP, "exchange"): Row("consensuses", "patience with boards", "settled", late=True),
 }
 
 #: A robot. It acts on its readings at the end of "agreed": in lockstep once it has what the boards agreed on before.

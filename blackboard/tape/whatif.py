@@ -10,7 +10,7 @@ linearise: these are those of the recorded run.
 import math
 from collections.abc import Callable, Collection
 
-from blackboard.board.service import BoardService, board_of
+from blackboard.board.service import LONGER, BoardService, board_of
 from blackboard.config import Scenario
 from blackboard.net.bus import BusLink
 from blackboard.net.scheduler import Scheduler
@@ -157,7 +157,7 @@ class _Boards:
         """In lockstep let time pass until every board is done with its tick; it waits for two phases at most."""
         start = self._running.now
         self._pass_time(start)
-        end = start + 2 * self.scenario.board.patience + 1.0
+        end = start + (1.0 + LONGER) * self.scenario.board.patience + 1.0
         while any(board.is_busy for board in self._boards.values()) and self._step(end):
             pass
         self._behind += self._running.now - start

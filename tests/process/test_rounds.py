@@ -8,7 +8,15 @@ from blackboard.process.rounds import TABLES, Rounds, Row
 from blackboard.process.team_clock import Pace
 
 NOW = 1_000_000.0
-WAITS = {"patience": 2.0, "half a period": 0.1, "gather": 60.0, "give_up": 20.0, "tick": 0.2, "linger": 1.0}
+WAITS = {
+    "patience": 2.0,
+    "patience with boards": 2.5,
+    "half a period": 0.1,
+    "gather": 60.0,
+    "give_up": 20.0,
+    "tick": 0.2,
+    "linger": 1.0,
+}
 ROWS = [(process, pace, phase, row) for process, table in TABLES.items() for (pace, phase), row in table.items()]
 NAMES = [f"{process}-{pace.value}-{phase}" for process, pace, phase, _ in ROWS]
 every_row = pytest.mark.parametrize(("process", "pace", "phase", "row"), ROWS, ids=NAMES)
