@@ -147,11 +147,14 @@ class AbsoluteSensors:
             noise = self.headings.setdefault(name, NoiseFactor())
             claimed = heading_factor(joint, self.robot, heading, sigma)
             rest = joint.expected(claimed).spread
-            self._factors.setdefault(name, NoiseFactors((noise,), wild=True)).weigh(
-                claimed.residual, rest, claimed.noise[np.newaxis]
-            )
+            self._factors_of(name, noise).weigh(claimed.residual, rest, claimed.noise[np.newaxis])
             self._correct(joint, name, claimed.widened(max(1.0, surely(noise))), readings.time)
         return fix is not None and not self.doubtful
+
+    def _factors_of(self, name: str, noise: NoiseFactor) -> NoiseFactors:
+        if name not in self._factors:
+            self._factors[name] = NoiseFactors((noise,), wild=True)
+        return self._factors[name]
 
     def _judge(self, joint: Joint, fix: Fix) -> None:
         """Weigh the noise of fixes by the distance between two in a row, less the way between them by odometry."""
@@ -160,8 +163,7 @@ class AbsoluteSensors:
             led = self._since.moments(self.robot)
             error = np.array(fix.position) - np.array(self._newest.position) - led.mean[AXES]
             fresh = np.eye(2) * (fix.sigma**2 + self._newest.sigma**2)
-            factors = self._factors.setdefault("fix", NoiseFactors((self.fix,), wild=True))
-            factors.weigh(error, led.covariance[AXES, AXES], fresh[np.newaxis])
+            self._factors_of("fix", self.fix).weigh(error, led.covariance[AXES, AXES], fresh[np.newaxis])
         here = Moments(belief.mean.copy(), belief.covariance.copy())
         here.mean[AXES] = 0.0
         here.covariance[AXES] = here.covariance[:, AXES] = 0.0
