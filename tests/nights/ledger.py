@@ -4,20 +4,18 @@ A piece of evidence is named by its robot, its epoch, and how long that lasted w
 grow. So no board has a say in the name.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from blackboard.board.board import Board
 from blackboard.opinion.classes import is_class
-from blackboard.opinion.gaussian.evidence import Evidence, Verdict
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint
 from blackboard.opinion.gaussian.linearising import linearise
 from blackboard.opinion.gaussian.naming import Unnamed
-from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct, drive
 from blackboard.wire.messages import Consensus, Used
 from tests.nights.events import Event, Said, Stepped
@@ -30,24 +28,6 @@ LEAST = 0.8
 APART = 1.0  # sigmas between the two; farther apart a gate has left something out, and their variances are not compared
 
 Piece = tuple[str, int, float]  # robot, epoch, and seconds since that began
-
-
-@contextmanager
-def watched(tell: Callable[[TeamJoint, Joint, int, float, Sequence[Evidence]], None]) -> Iterator[None]:
-    """Call `tell` after every step of a joint in this process: the joint after and before it, tick, seconds and evidence."""
-    settle = TeamJoint.settle
-
-    def settled(self: TeamJoint, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
-        batch, before = list(reports), self.joint.copy()
-        verdicts = settle(self, tick, dt, batch)
-        tell(self, before, tick, dt, batch)
-        return verdicts
-
-    TeamJoint.settle = settled  # type: ignore[method-assign]
-    try:
-        yield
-    finally:
-        TeamJoint.settle = settle  # type: ignore[method-assign]
 
 
 def name_of(evidence: Evidence) -> Piece:

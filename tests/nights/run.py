@@ -14,7 +14,7 @@ from blackboard.tape.content import load_tape
 from blackboard.tape.replay import is_consensus, replay
 from tests.nights.events import Event, opened
 from tests.nights.faults import Crowd
-from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits, watched
+from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits
 from tests.nights.night import Night, draw_night
 from tests.nights.oracles import (
     Broken,
@@ -89,7 +89,7 @@ def lived(night: Night, oracles: Sequence[type[Oracle]] = ORACLES) -> Outcome:
     began = time.process_time()
     watch = Watch([oracle(night) for oracle in oracles])
     stage = Stage(night, watch.tell, record=night.seed % REPLAYED == 0)
-    with opened_once(), watched(stage.note_step):
+    with opened_once():
         stage.play()
         broken = watch.verdict() or (differs(stage) if stage.records else None)
     sums = sum((oracle.sums() for oracle in watch.oracles), Counter[str]())

@@ -25,7 +25,7 @@ from blackboard.net.bus import intersects
 from blackboard.net.scheduler import AT_ONCE, Scheduler
 from blackboard.opinion.belief import gaussian, uniform
 from blackboard.opinion.gaussian.evidence import Evidence
-from blackboard.opinion.gaussian.joint import Joint
+from blackboard.opinion.gaussian.once import SettledOnce, settle_alone
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.process.service import Around, Checked, Service
 from blackboard.tape.file import TapeWriter
@@ -59,6 +59,8 @@ from tests.nights.events import (
 )
 from tests.nights.night import CELLS, Night
 
+#: One step of a joint in so many is made by a board for itself: boards that differ once differ from then on, and are noticed.
+ALONE = 5
 CHECKED = 1.0  # seconds between two looks at the invariants of all machines
 RECORDER = "recorder"
 OFTEN = 5000  # times that a process is woken in a second after which it does nothing else
@@ -169,9 +171,12 @@ class Guest(Around):
 class Stage(Scheduler):
     """The team of a night; `tell` is called with each event."""
 
-    def __init__(self, night: Night, tell: Callable[[Event], None], *, record: bool = False) -> None:
-        """With `record` the boards keep journals and a recorder writes a tape, to `disk`."""
+    def __init__(
+        self, night: Night, tell: Callable[[Event], None], *, record: bool = False, alone: int = ALONE
+    ) -> None:
+        """With `record` the boards keep journals and a recorder writes a tape, to `disk`. `alone`: instead of `ALONE`."""
         super().__init__()
+        self._settle_once, self._alone, self._steps = SettledOnce(), alone, 0
         self.night, self.tell, self.began = night, tell, self.now
         self.scenario = night.team.scenario(night.seed)
         self.truth: Truth | None = None
@@ -219,15 +224,15 @@ class Stage(Scheduler):
             self.disk.full = False
             self.writer.close()
 
-    def note_step(self, joint: TeamJoint, before: Joint, number: int, dt: float, batch: Sequence[Evidence]) -> None:
-        """The joint of the process that acts has made a step."""
-        machine = self.running[self.acting].machine
-        if isinstance(machine, BoardService):
-            run = machine.clock.run
-            unnamed = list(joint.tally.unnamed)
-            self.tell(
-                Stepped(self.at, self.acting, run, machine.board, number, dt, batch, before, joint.joint, unnamed)
-            )
+    def settle(self, team: TeamJoint, number: int, dt: float, batch: Sequence[Evidence]) -> TeamJoint:
+        """The joint of the board that acts makes a step (`once.Settle`), which boards that settle alike make once."""
+        before, machine = team.joint.copy(), self.running[self.acting].machine
+        self._steps += 1
+        after = (settle_alone if self._steps % self._alone == 0 else self._settle_once)(team, number, dt, batch)
+        assert isinstance(machine, BoardService)
+        run, board, unnamed = machine.clock.run, machine.board, list(after.tally.unnamed)
+        self.tell(Stepped(self.at, self.acting, run, board, number, dt, batch, before, after.joint, unnamed))
+        return after
 
     # --- who runs ---------------------------------------------------------------------------------------------------------
 
@@ -290,7 +295,7 @@ class Stage(Scheduler):
             return Guest(self, member, Random(f"{self.night.seed} {name} {self.at}"))
         if kind == RECORDER:
             return self._recorder
-        board = board_of(self.scenario, *rest)
+        board = board_of(self.scenario, rest[0], rest[1], self.settle)
         return Journaled(board, team="t", sub_team=rest[0], board=rest[1]) if self.records else board
 
     def _robot(self, name: str, robot: str) -> Service:

@@ -8,22 +8,29 @@ from blackboard.board.service import BoardService, board_of
 from blackboard.config import Scenario
 from blackboard.wire.messages import Consensus
 from tests.nights.events import Event, Said, Stepped
-from tests.nights.ledger import SAMPLED, EvidenceCountsOnce, SameEvidenceSameBits, watched
+from tests.nights.ledger import SAMPLED, EvidenceCountsOnce, SameEvidenceSameBits
 from tests.nights.night import Night, Team
 from tests.nights.oracles import Oracle
-from tests.nights.run import differs, judged
-from tests.nights.stage import Stage
+from tests.nights.run import differs, judged, played
+from tests.nights.stage import ALONE, Stage
 
 NIGHT = Night(Team({"a": ("r1", "r2"), "b": ("r3",)}, "lockstep", tick=1.0, latency=0.2, fusion="joint"), seed=2)
 
 
 @pytest.fixture(scope="module")
 def events() -> list[Event]:
-    noted = list[Event]()
-    stage = Stage(NIGHT, noted.append)
-    with watched(stage.note_step):
-        stage.play()
-    return noted
+    return played(NIGHT)
+
+
+def test_boards_that_settle_a_step_once_say_what_each_says_that_settles_alone() -> None:
+    night = replace(NIGHT, team=replace(NIGHT.team, boards=2))
+    both = list[list[Event]]()
+    for steps_alone in (ALONE, 1):
+        both.append([])
+        Stage(night, both[-1].append, alone=steps_alone).play()
+    together, alone = ([(e.at, e.process, e.envelope) for e in events if isinstance(e, Said)] for events in both)
+    assert together == alone
+    assert len(steps(both[0])) == len(steps(both[1])) > 2 * SAMPLED
 
 
 def steps(events: list[Event]) -> list[Stepped]:
