@@ -253,8 +253,9 @@ class Scenario:
 
     @property
     def name(self) -> str:
-        """What it is called; without a name of its own as its team."""
-        return str(self.tables.get("name") or self.team.name)
+        """What it is called; without a name of its own as its team, where that has one."""
+        team = self.team.name if "name" in self.team.model_fields_set else "scenario"
+        return str(self.tables.get("name", team))
 
     def unknown_sub_teams(self, sub_teams: Iterable[str]) -> list[str]:
         """For each of some sub-teams that the file does not have, a sentence: it may be a misspelling, or joined on purpose."""

@@ -1,10 +1,14 @@
 """The laboratory as a person runs it, twice: the same table, the same figures to the byte, and the numbers of the same runs as processes."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.commands import blackboard
+from tests.files import page
 from tests.scenarios import SMALL_FILE
 
 
@@ -65,3 +69,23 @@ def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
     assert files == [*(f"fig{n}.{ending}" for n in range(1, 8) for ending in ("png", "svg")), "index.html"]
     for file in files:
         assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes(), file
+
+
+def test_the_table_of_the_page_is_what_the_lab_prints() -> None:
+    """docs/paper.md: log score / coverage of the 95 % regions, and the median error where a source lies."""
+    done = blackboard("lab", "--json")
+    assert done.returncode == 0, done.stderr
+    trials = json.loads(done.stdout)["trials"].values()
+    table = page("paper.md").split("## All rules on the same opinions")[1]
+    told = {}
+    for row in re.findall(r"^\| ([^|]+) \|(.*-\d.*)\|$", table.split("##")[0], re.MULTILINE):
+        first = re.search(r"[a-z-]+", row[0])
+        assert first
+        told[first[0]] = [[float(number) for number in re.findall(r"-?[\d.]+", cell)] for cell in row[1].split("|")]
+    assert list(told) == ["linear", "logarithmic", "cooperative", "coalition", "median-log"]
+    for rule, cells in told.items():
+        for trial, cell in zip(trials, cells, strict=True):
+            printed = [trial["rules"][rule][name]["value"] for name in ("log_score", "coverage_95", "median")]
+            assert cell[0] == pytest.approx(printed[0], abs=0.051 if cell[0] < -10 else 0.0051)
+            assert cell[1] == pytest.approx(printed[1], abs=0.0051)
+            assert cell[2:] == pytest.approx(printed[2:][: len(cell) - 2], abs=0.051)
