@@ -160,7 +160,7 @@ class BoardSection(Section):
     skew: Annotated[float, Field(ge=0)] = 30.0
     "[s] How far a clock may be off and is corrected, where there is no world."
     patience: Positive = 8.0
-    "[s] How long it waits, in wall time, for a registered robot in one tick; for another board a quarter longer."
+    "[s] How long it waits, in wall time, for a robot in one tick, a quarter longer for boards."
     period: Positive = 0.2
     "[s] Longest time between settlements where no world gives the clock; as robots step, up to four fall into it."
     coding: Literal["log8", "log16"] = "log8"
