@@ -54,15 +54,19 @@ class RingPlace:
 
 @dataclass
 class Ring:
-    """Mutable: what was seen of one thing. `walk` is how it moves, unit / sqrt(s); `finder` is the robot that saw it first."""
+    """Mutable: what was seen of one thing. `walk` is how it moves, unit / sqrt(s); `finder` is the robot that saw it first.
+
+    `sharpest` is the least sigma (unit) of a sighting, as in `limits`, where how far away a thing is that has a bearing was not known.
+    """
 
     walk: float = 0.0
     finder: str = ""
+    sharpest: float = 0.0
     _lines: list[Line] = field(default_factory=list)
 
     def copy(self) -> "Ring":
         """The same, which may be changed without changing this one."""
-        return Ring(self.walk, self.finder, self._lines.copy())
+        return Ring(self.walk, self.finder, self.sharpest, self._lines.copy())
 
     def add(self, line: Line) -> None:
         """Keep a sighting, and forget those that are old; of too many, the older of the two of a kind from the nearest places."""
@@ -143,7 +147,7 @@ class Ring:
             off = np.where(ranges, values - distance, ((turned + math.pi) % (2 * math.pi) - math.pi) * distance)
             across = np.stack([-away[..., 1], away[..., 0]], axis=-1)
             rows = np.where(ranges[:, None], away, across) / distance[..., None]
-            weights = 1.0 / (np.where(ranges, fresh, fresh * distance**2) + own)
+            weights = 1.0 / (np.maximum(np.where(ranges, fresh, fresh * distance**2), self.sharpest**2) + own)
             information = np.einsum("sn,snk,snl->skl", weights, rows, rows)
             if step < STEPS:
                 damped = information + 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(2)

@@ -142,7 +142,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     if not relative.places and not (team.knows(observer) and team.knows(subject)):
         team.tally.silent += 1
         if not robot and subject not in team.joint and team.knows(observer) and _has_room(team, subject, observer):
-            ring = team.rings.setdefault(subject, Ring(team.drift_of(subject), observer))
+            ring = team.rings.setdefault(subject, Ring(team.drift_of(subject), observer, team.limits.sharpest))
             ring.add(line_of(team.joint.moments(observer), relative, motions.get(observer), team.elapsed))
         return
     if robot and subject not in heard:

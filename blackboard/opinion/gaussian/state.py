@@ -278,12 +278,12 @@ class TeamState:
         return wider, squared_distance(innovation.residual, innovation.covariance + (wider.noise - factor.noise))
 
     def distance(self, relative: Relative) -> float:
-        """How far away a subject is: as it was measured, or else as the joint has it; 0 where nobody knows."""
+        """How far away a subject is: as it was measured, or else as the joint has it; infinity where nobody knows."""
         ends = relative.observer, relative.subject
         if relative.kind != "bearing":
             return relative.range
         if not all(end in self.joint for end in ends):
-            return 0.0
+            return math.inf
         one, other = (self.joint.mean[self.joint.blocks[end]][AXES] for end in ends)
         return float(np.hypot(*(one - other)))
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.relation import Kind, measured
 from blackboard.opinion.gaussian.rings import SURE, Line, Ring
 from blackboard.opinion.gaussian.sightings import MAX_RINGS
@@ -93,6 +94,17 @@ def test_what_is_known_of_the_observers_is_the_least_error_of_the_place() -> Non
     assert np.linalg.eigvalsh(place.moments.covariance)[0] >= 0.04
 
 
+@given(seed=st.integers(0, 10_000), claimed=st.floats(1e-12, 1e-3))
+def test_no_sighting_places_it_better_than_the_sharpest_sensor_could(seed: int, claimed: float) -> None:
+    chance, ring, robots = np.random.default_rng(seed), Ring(sharpest=0.2), 4
+    for angle in np.arange(robots) * 2 * math.pi / robots:
+        kind: Kind = "range" if chance.integers(2) else "bearing"
+        place = THERE + 3.0 * np.array([math.cos(angle), math.sin(angle)])
+        ring.add(line(place, THERE, kind, variance=claimed))
+    for there in ring.places():
+        assert np.linalg.det(np.linalg.inv(there.moments.covariance)) <= (robots / 2 / 0.2**2) ** 2 * 1.01
+
+
 def standing(robot: str, place: Array, tick: int, kind: Kind, chance: np.random.Generator) -> Evidence:
     away = THERE - place
     value = float(np.hypot(*away)) if kind == "range" else math.atan2(away[1], away[0])
@@ -104,8 +116,12 @@ def standing(robot: str, place: Array, tick: int, kind: Kind, chance: np.random.
 
 
 @pytest.mark.parametrize("kind", ["range", "bearing"])
-def test_an_object_that_is_measured_by_ranges_or_bearings_alone_enters_once_they_close(kind: Kind) -> None:
-    chance, team = np.random.default_rng(2), TeamJoint(Objects(drift=0.05))
+@pytest.mark.parametrize("sharpest", [0.0, 0.1])
+def test_an_object_that_is_measured_by_ranges_or_bearings_alone_enters_once_they_close(
+    sharpest: float, kind: Kind
+) -> None:
+    """With a bound of what sensors can know, bearings of what nobody had placed counted with a sigma of a radian."""
+    chance, team = np.random.default_rng(2), TeamJoint(Objects(drift=0.05), limits=Limits(sharpest))
     robots = {"robot/r0": np.array([0.0, 0.0]), "robot/r1": np.array([4.0, 0.0]), "robot/r2": np.array([1.0, 5.0])}
     for tick in range(3):
         team.settle(tick, 0.2, [standing("robot/r0", robots["robot/r0"], tick, kind, chance)])
