@@ -19,10 +19,11 @@ from blackboard.opinion.grid import Array
 MOST = 32  # sightings that are kept of one thing, from places that are far apart
 OLDEST = 20.0  # seconds: what was seen earlier is not kept
 STARTS = 24  # along the first ring, or ray
-STEPS = 12  # of Gauss and Newton
+STEPS, REFINED = 12, 4  # of Gauss and Newton, from all starts, and for what is left of them
 FARTHEST = 50.0  # times the distance between observers: no ray is followed farther
 APART = 3.0  # sigmas between two places that are two
-COMPACT = 0.25  # of the least distance to an observer: the largest sigma of a place that is one, no piece of a ring
+#: Of the noise of a sighting, how far it may bend within a sigma of a place (Lerro and Bar-Shalom, IEEE TAES 29(3), 1993).
+CURVED = 0.4
 SURE = 0.99  # the weight of a place that is taken for the only one
 UNLIKELY = 1e6  # a place that is so many times less likely than the likeliest is none
 LEAST = 1e-12  # of a variance
@@ -97,14 +98,10 @@ class Ring:
             return ()
 
     def _places(self) -> tuple[RingPlace, ...]:
-        costs, ends, information = self._solved(self._starts())
-        kept: list[int] = []
-        for k in np.argsort(costs, kind="stable").tolist():
-            apart = [ends[k] - ends[other] for other in kept]
-            if costs[k] > costs.min() + 2 * math.log(UNLIKELY):
-                break
-            if all(float(way @ information[other] @ way) > APART**2 for way, other in zip(apart, kept, strict=True)):
-                kept.append(k)
+        costs, ends, information = self._solved(self._starts(), STEPS, together=False)
+        some = _distinct(costs, ends, information)
+        costs, ends, information = self._solved(ends[some], REFINED, together=True)
+        kept = _distinct(costs, ends, information)
         if np.linalg.det(information[kept]).min() <= 0:
             return ()
         shares = np.exp(-0.5 * (costs[kept] - costs.min())) / np.sqrt(np.linalg.det(information[kept]))
@@ -112,11 +109,17 @@ class Ring:
         places = []
         for k, share in zip(kept, (shares / shares.sum()).tolist(), strict=True):
             covariance = np.linalg.inv(information[k]) + common * np.eye(2)
-            nearest = min(float(np.hypot(*(ends[k] - line.place))) for line in self._lines)
-            if math.sqrt(float(np.linalg.eigvalsh(covariance)[-1])) > COMPACT * nearest:
+            if self._is_curved(ends[k], math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))):
                 return ()
             places.append(RingPlace(Moments(ends[k], covariance), share))
         return tuple(sorted(places, key=lambda place: -place.weight))
+
+    def _is_curved(self, end: Array, sigma: float) -> bool:
+        """Whether some ring or ray bends too much, within a sigma (unit) of a place, for the place to be a Gaussian."""
+        _, _, variance, distance = self._linear(end[np.newaxis])
+        noise = np.sqrt(variance + self._walked().diagonal())[0]
+        bent = np.minimum(sigma**2 / distance[0], 2 * sigma)
+        return bool((np.minimum(noise, sigma) * bent > CURVED * noise**2).any())
 
     def _places_seen_from(self) -> tuple[Array, npt.NDArray[np.bool_]]:
         """From where, shape (n, 2), and whether it was a range, shape (n,)."""
@@ -134,27 +137,61 @@ class Ring:
         away = spread * np.geomspace(0.1, FARTHEST, STARTS)
         return np.asarray(first.place + away[:, None] * [math.cos(first.value), math.sin(first.value)])
 
-    def _solved(self, starts: Array) -> tuple[Array, Array, Array]:
-        """By Gauss and Newton from each start: - 2 ln(likelihood), shape (n,), place, (n, 2), and information, (n, 2, 2)."""
+    def _walked(self) -> Array:
+        """Covariance (unit ** 2) of how far, along one axis, the thing has walked since each sighting, shape (n, n)."""
+        ages = np.array([self.newest - line.time for line in self._lines])
+        return np.asarray(self.walk**2 * np.minimum(ages[:, np.newaxis], ages))
+
+    def _linear(self, ends: Array) -> tuple[Array, Array, Array, Array]:
+        """Of some places: how each sighting changes with them, shape (s, n, 2), by how much it is off, its variance, the distance."""
         lines, (places, ranges) = self._lines, self._places_seen_from()
-        values, fresh = np.array([line.value for line in lines]), np.array([line.variance for line in lines])
-        own = np.array([line.own + self.walk**2 * (self.newest - line.time) for line in lines])
-        ends = starts
-        for step in range(STEPS + 1):
-            away = ends[:, None] - places
-            distance = np.maximum(np.hypot(away[..., 0], away[..., 1]), NEAREST)
-            turned = values - np.arctan2(away[..., 1], away[..., 0])
-            off = np.where(ranges, values - distance, ((turned + math.pi) % (2 * math.pi) - math.pi) * distance)
-            across = np.stack([-away[..., 1], away[..., 0]], axis=-1)
-            rows = np.where(ranges[:, None], away, across) / distance[..., None]
-            weights = 1.0 / (np.maximum(np.where(ranges, fresh, fresh * distance**2), self.sharpest**2) + own)
-            information = np.einsum("sn,snk,snl->skl", weights, rows, rows)
-            if step < STEPS:
+        values, fresh, own = (
+            np.array([getattr(line, name) for line in lines]) for name in ("value", "variance", "own")
+        )
+        away = ends[:, None] - places
+        distance = np.maximum(np.hypot(away[..., 0], away[..., 1]), NEAREST)
+        turned = values - np.arctan2(away[..., 1], away[..., 0])
+        off = np.where(ranges, values - distance, ((turned + math.pi) % (2 * math.pi) - math.pi) * distance)
+        across = np.stack([-away[..., 1], away[..., 0]], axis=-1)
+        rows = np.where(ranges[:, None], away, across) / distance[..., None]
+        variance = np.maximum(np.where(ranges, fresh, fresh * distance**2), self.sharpest**2) + own
+        return rows, off, variance, distance
+
+    def _solved(self, starts: Array, steps: int, *, together: bool) -> tuple[Array, Array, Array]:
+        """By Gauss and Newton from each start: - 2 ln(likelihood), shape (s,), place, (s, 2), and information, (s, 2, 2).
+
+        What the thing has walked since two sightings is partly the same; unless `together` that is left out, for speed.
+        """
+        ends, walked, unit = starts, self._walked(), np.eye(len(self._lines))
+        for step in range(steps + 1):
+            rows, off, variance, distance = self._linear(ends)
+            if together:
+                spread = variance[:, :, None] * unit + np.einsum("snk,smk->snm", rows, rows) * walked
+                weighed = np.linalg.solve(spread, np.concatenate([rows, off[..., None]], axis=-1))
+                logs = np.linalg.slogdet(spread)[1]
+            else:
+                spread = variance + walked.diagonal()
+                weighed = np.concatenate([rows, off[..., None]], axis=-1) / spread[..., None]
+                logs = np.log(spread).sum(axis=1)
+            information = np.swapaxes(rows, 1, 2) @ weighed[..., :2]
+            if step < steps:
                 damped = information + 1e-9 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-                by = np.linalg.solve(damped, np.einsum("sn,snk->sk", weights * off, rows)[..., None])[..., 0]
+                by = np.linalg.solve(damped, np.swapaxes(rows, 1, 2) @ weighed[..., 2:])[..., 0]
                 longest = np.median(distance, axis=1)
                 ends = ends + by * np.minimum(1.0, longest / np.maximum(np.hypot(*by.T), NEAREST))[:, None]
-        return np.einsum("sn,sn->s", weights, off**2) - np.log(weights).sum(axis=1), ends, information
+        return np.einsum("sn,sn->s", off, weighed[..., 2]) + logs, ends, information
+
+
+def _distinct(costs: Array, ends: Array, information: Array) -> list[int]:
+    """Which of some places are likely enough and apart from likelier ones, the likeliest first."""
+    kept: list[int] = []
+    for k in np.argsort(costs, kind="stable").tolist():
+        if costs[k] > costs.min() + 2 * math.log(UNLIKELY):
+            break
+        apart = [(ends[k] - ends[other], information[other]) for other in kept]
+        if all(float(way @ its @ way) > APART**2 for way, its in apart):
+            kept.append(k)
+    return kept
 
 
 def line_of(observer: Moments, relative: Relative, motion: Motion | None, time: float) -> Line:

@@ -76,6 +76,34 @@ def test_a_robot_that_drives_past_finds_it_however_often_it_looks(hertz: float, 
     assert off @ np.linalg.solve(likeliest.moments.covariance, off) < 18.4  # 99.99 %
 
 
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_what_it_has_walked_since_two_sightings_is_partly_the_same(kind: Kind) -> None:
+    """Thirty sightings of the last ten seconds do not average how far it went in them; once they did, and it was taken for known."""
+    squared, missing = [], 0
+    for seed in range(60):
+        chance, ring, there = np.random.default_rng(seed), Ring(walk=0.3), THERE.copy()
+        for look in range(30):
+            place = THERE + 4.0 * np.array([math.cos(2.1 * look), math.sin(2.1 * look)])
+            ring.add(line(place, there, kind, 0.05 * chance.normal(), 0.05**2, look / 3))
+            there = there + 0.3 * chance.normal(size=2) / math.sqrt(3)
+        places = ring.places()
+        missing += not places
+        for found in places[:1]:
+            off = found.moments.mean - there
+            squared.append(off @ np.linalg.solve(found.moments.covariance + np.eye(2) * 0.03, off))
+    assert missing < 6
+    assert np.mean(np.array(squared) < 5.991) > 0.85
+
+
+def test_who_passed_by_it_long_ago_is_no_reason_not_to_know_it() -> None:
+    chance, ring = np.random.default_rng(1), Ring(walk=0.3)
+    ring.add(line(THERE + [0.05, 0.0], THERE, "bearing", time=0.0))
+    for look in range(12):
+        place = THERE + 4.0 * np.array([math.cos(2.1 * look), math.sin(2.1 * look)])
+        ring.add(line(place, THERE, "bearing", 0.02 * chance.normal(), 0.02**2, 10.0 + look / 6))
+    assert ring.places()[0].moments.mean == pytest.approx(THERE, abs=0.4)
+
+
 @given(seed=st.integers(0, 10_000))
 def test_numbers_of_any_size_are_a_place_or_none(seed: int) -> None:
     chance, ring = np.random.default_rng(seed), Ring()
