@@ -215,7 +215,8 @@ class AgentService(Around):
         if unknown := sum(not sighting.is_known for sighting in readings.seen):
             self.counters["unknown_kinds"] += unknown
         if isinstance(self.agent, Agent):
-            parts = sum(seen.kind in PARTS and seen.subject.startswith("object/") for seen in readings.seen)
+            alone = [seen.subject for seen in readings.seen if seen.kind in PARTS and seen.landmark is None]
+            parts = sum(not (self.settings.vision.mates and subject.startswith("robot/")) for subject in alone)
             self.counters.update({"unused_parts": parts} if parts else {})
         agreed, kept = self._agreed.collect(), list[str]()
         reports, solo = list[Report](), Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
