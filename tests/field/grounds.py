@@ -6,8 +6,9 @@ the team is one filter with all pieces, all readings and the true models. Metres
 
 import argparse
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from blackboard.wire.messages import Odometry
 from examples.field.central import Central
 from examples.field.world import Said, Seen, Truth
 from robot_agent.driven import SinceStep
-from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, show
+from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, parts_alone, show
 
 PIECE = 0.05
 BALL = "object/ball"
@@ -175,9 +176,21 @@ def odometry_of(pieces: list[Said], kit: Kit, told: bool) -> Odometry:
 
 
 class Grounds(Robots):
-    """A board and a team of robots that are driven by a ground. `each`: pieces of odometry are told one by one, not summed."""
+    """A board and a team of robots that are driven by a ground. `each`: pieces of odometry are told one by one, not summed.
 
-    def __init__(self, ground: Ground, *, told: bool = False, each: bool = False, **board: object) -> None:
+    They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts.
+    """
+
+    def __init__(
+        self,
+        ground: Ground,
+        *,
+        told: bool = False,
+        each: bool = False,
+        alone: Literal["range", "bearing"] | None = None,
+        unplaced: Collection[str] = (),
+        **board: object,
+    ) -> None:
         width, height = ground.size
         cell = 0.25
         drift = {} if ground.rolls else {"objects_drift": ground.ball}
@@ -189,7 +202,7 @@ class Grounds(Robots):
             }
         )
         super().__init__(chosen, 0.2 * (0.618 * ground.seed % 1.0))
-        self.ground, self.told, self.each = ground, told, each
+        self.ground, self.told, self.each, self.alone, self.unplaced = ground, told, each, alone, unplaced
 
     def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
@@ -204,10 +217,10 @@ class Grounds(Robots):
                 own.step(said)
                 pieces[robot].append(said[robot])
             self.run_to(max(self.now, begin + ground.time))
-            for robot, kit in ground.kits.items():
+            for robot in ground.kits:
                 if ground.number and not ground.steps(robot):
                     continue
-                since = self._since(said[robot], pieces[robot], kit)
+                since = self._since(robot, said[robot], pieces[robot])
                 pieces[robot] = []
                 pose, out = self.robots[robot].step(since, self.now, begin + ground.time)
                 self.send(self.robots[robot], out)
@@ -217,10 +230,12 @@ class Grounds(Robots):
                 self.note_ball(scores, "ball", ground.place, central)
         return scores
 
-    def _since(self, last: Said, pieces: list[Said], kit: Kit) -> SinceStep:
+    def _since(self, robot: str, last: Said, pieces: list[Said]) -> SinceStep:
+        kit = self.ground.kits[robot]
         since = replace(gathered(last, kit, False), odometry=None)
         if last.start is not None:
-            return since
+            return SinceStep() if robot in self.unplaced else since
+        since = since if self.alone is None else parts_alone(since, self.alone)
         for part in [[piece] for piece in pieces] if self.each else [pieces]:
             since = since.plus(SinceStep(odometry_of(part, kit, self.told)))
         return since
@@ -237,13 +252,17 @@ def main() -> None:
     parser.add_argument("--told", action="store_true")
     parser.add_argument("--each", action="store_true")
     parser.add_argument("--together", action="store_true")
+    parser.add_argument("--alone", choices=("range", "bearing"), help="what robots see of others")
+    parser.add_argument("--unplaced", action="store_true", help="one robot without GPS is not told where it starts")
     chosen = parser.parse_args()
     totals = new_scores()
     for seed in range(chosen.first, chosen.past):
         ground = Ground(seed, chosen.hertz, chosen.together, chosen.ball, chosen.rolls)
-        played = Grounds(ground, told=chosen.told, each=chosen.each).play(chosen.seconds)
+        unplaced = [robot for robot, kit in ground.kits.items() if not kit.gps][:1] if chosen.unplaced else []
+        team = Grounds(ground, told=chosen.told, each=chosen.each, alone=chosen.alone, unplaced=unplaced)
+        played = team.play(chosen.seconds)
         ratios = [f"{n} {t.rmse / played['central'][n].rmse:.2f} {t.coverage():.2f}" for n, t in played["team"].items()]
-        print(seed, ", ".join(ratios), flush=True)
+        print(seed, ", ".join([*(f"{robot} unplaced" for robot in unplaced), *ratios]), flush=True)
         add_all(totals, played)
     show(totals)
 
