@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.opinion.chi_squared import GATE, quantile
-from blackboard.opinion.gaussian.joint import Factor, Joint, squared_distance
+from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
@@ -133,18 +133,20 @@ class Offsets:
         if not seen:
             return
         innovation = joint.innovation(*(factor for _, factor in seen))
+        lengths = [len(factor.residual) for _, factor in seen]
+        residual = _within_gate(innovation, lengths)
         ways = np.vstack([factor.jacobians[subject][:, AXES] for subject, factor in seen])
-        both = np.column_stack([ways, innovation.residual])
+        both = np.column_stack([ways, residual])
         inverse = np.linalg.inv(innovation.covariance)
         weighed = inverse @ both
         self._all[observer] = self._all.get(observer, NONE).plus(_score(ways.T @ weighed))
-        subjects = np.repeat([subject for subject, _ in seen], [len(factor.residual) for _, factor in seen])
+        subjects = np.repeat([subject for subject, _ in seen], lengths)
         for subject in dict.fromkeys(subject for subject, _ in seen):
             mine = np.flatnonzero(subjects == subject)
             part = weighed[mine]
             alone = _score(part[:, :2].T @ np.linalg.solve(inverse[np.ix_(mine, mine)], part))
             self._pairs[observer, subject] = self._pairs.get((observer, subject), NONE).plus(alone)
-        each = _of_each(subjects, ways, inverse, innovation.residual)
+        each = _of_each(subjects, ways, inverse, residual)
         self._mates[observer] = self._mates.get(observer, NO_MATES).plus(each)
         if self._has_offset(observer):
             self._held[observer] = MEMORY
@@ -180,6 +182,19 @@ class Offsets:
         self._mates = {observer: scores.without(robot) for observer, scores in self._mates.items()}
         self._pairs = {pair: score for pair, score in self._pairs.items() if robot not in pair}
         self._held.pop(robot, None)
+
+
+def _within_gate(innovation: Innovation, lengths: Sequence[int]) -> Array:
+    """The residuals of sightings, of so many rows each. One beyond the gate, which moves nobody, counts as one at its edge.
+
+    So misreads, of which each goes to another side, do not add up (Huber 1964). What keeps its side does.
+    """
+    residual, begin = innovation.residual.copy(), 0
+    for length in lengths:
+        rows = slice(begin, begin := begin + length)
+        squared = squared_distance(residual[rows], innovation.covariance[rows, rows])
+        residual[rows] *= math.sqrt(min(1.0, quantile(GATE, length) / max(squared, 1e-12)))
+    return residual
 
 
 def _score(both: Array) -> OffsetScore:

@@ -54,6 +54,21 @@ def test_who_sees_its_mates_aside_of_where_they_are_believed_to_be_does_not_take
     assert doubted == {LIAR}
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_robot_that_misreads_one_sighting_in_twenty_wildly_is_not_doubted(seed: int) -> None:
+    """Each wild one counted as it was, so two of them in five seconds were a side that the robot keeps."""
+    chance, team = np.random.default_rng(seed), TeamJoint()
+    for tick in range(END):
+        sightings = []
+        for one in shifted(team, LIAR, PLACES[LIAR], 0.0) if tick >= BEGIN else ():
+            far, bearing = one.range + 0.5 * chance.normal(), one.bearing + 0.05 * chance.normal()
+            if chance.random() < 0.05:
+                far, bearing = chance.uniform(0.5, 20.0), chance.uniform(-3.0, 3.0)
+            sightings.append(replace(one, range=far, bearing=bearing))
+        team.settle(tick, 0.2, [says(robot, tick, tuple(sightings) if robot == LIAR else ()) for robot in PLACES])
+        assert not team.offsets.doubts(LIAR)
+
+
 @pytest.mark.parametrize("lie", [1.5, 2.0, 2.5, 2.75, 3.0, 4.0, 6.0])
 def test_smaller_lies_move_mates_by_less_and_larger_ones_are_refused(lie: float) -> None:
     farthest, doubted = worst(lie)
