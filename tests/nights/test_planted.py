@@ -41,7 +41,7 @@ NIGHTS = {
     "repeat": Night(replace(TEAM, mode="lockstep", latency=0.2), (OneWay(3.0, 5.0, "board/a/board-a2", "world"),)),
     "older": Night(
         replace(TEAM, mode="lockstep", boards=1, latency=0.1),
-        (Late(2.0, 8.5, "robot/r1", 0.3), Stale(2.0, 8.5, "*", 0.5, 2.0)),
+        (Late(2.0, 8.5, "robot/r1", 0.3), Stale(2.0, 8.5, "*", 1.0, 2.0)),
     ),
 }
 
