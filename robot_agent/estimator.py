@@ -36,7 +36,8 @@ SPLIT_WEIGHTS = (0.95, 0.8, 0.5, 0.2)
 #: A team-mate whose agreed position has a larger standard deviation than this (cells, both axes together) is no landmark.
 VAGUE = 10.0
 
-#: Seconds for which the error of a mate's place lasts: of its ranges and bearings alone within them each counts for a share.
+#: Seconds for which the error of a mate's place stays the same. All ranges or bearings of it within them have one error in
+#: common, so each takes the mate's covariance times their number.
 LASTING = 5.0
 
 #: The motion of a tick without odometry, the first one.
@@ -65,9 +66,8 @@ class Estimator:
     objects: dict[str, Belief] = field(default_factory=dict)
     seen: dict[str, Belief] = field(default_factory=dict)  # mates, only where sighted in this tick
     ancestors: dict[str, float] = field(default_factory=dict)
-    parts: dict[str, float] = field(
-        default_factory=dict
-    )  # mate -> when (s) a range or a bearing alone of it was taken last
+    #: Mate -> team time (s) of the last range or bearing alone by which it served as a landmark.
+    parts: dict[str, float] = field(default_factory=dict)
     pending_variance: float = 0.0  # unit ** 2: the objects' motion by which their beliefs are not yet blurred
 
     @classmethod
@@ -127,7 +127,7 @@ class Estimator:
     def _update_with_mates(self, readings: Readings, moved: TickMotion | None, mates: Mapping[str, Mate]) -> Estimator:
         """Use each team-mate that was seen, and whose agreed position is not vague, as an uncertain landmark."""
         estimator = self
-        sightings: list[Sighting | Seen] = [*newest(readings.sightings), *parts_of(readings, mates)]
+        sightings: list[Sighting | Seen] = [*newest(readings.sightings), *_parts_of(readings, mates)]
         for sighting in sightings:
             mate = mates.get(sighting.subject)
             if mate is None or math.sqrt(np.trace(mate.covariance)) > VAGUE * self.grid.cell:
@@ -136,9 +136,9 @@ class Estimator:
             if set(mate.ancestors).isdisjoint(estimator.ancestors):
                 localizer = _updated(estimator.localizer, sighting, moved, mate.mean, mate.covariance)
             elif by_part and self.robot not in mate.ancestors:
-                times = LASTING / max(readings.time - self.parts.get(sighting.subject, -math.inf), 1e-9)
-                spread = max(1.0, times) * mate.covariance
-                localizer = _updated(estimator.localizer, sighting, moved, mate.mean, spread)
+                apart = max(readings.time - self.parts.get(sighting.subject, -math.inf), 1e-9)
+                lasting = max(1.0, LASTING / apart) * mate.covariance
+                localizer = _updated(estimator.localizer, sighting, moved, mate.mean, lasting)
             else:
                 localizer = estimator._intersected(sighting, moved, mate)
             ancestors = capped({**mate.ancestors, **estimator.ancestors}, lambda: {self.robot})
@@ -188,7 +188,7 @@ def newest(sightings: list[Sighting]) -> list[Sighting]:
     return list({sighting.subject: sighting for sighting in sightings if not is_class(sighting.subject)}.values())
 
 
-def parts_of(readings: Readings, mates: Collection[str]) -> list[Seen]:
+def _parts_of(readings: Readings, mates: Collection[str]) -> list[Seen]:
     """The last range alone, and the last bearing alone, of each of some mates."""
     parts = [seen for seen in readings.seen if seen.kind in PARTS and seen.subject in mates]
     return list({(seen.subject, seen.kind): seen for seen in parts}.values())

@@ -17,7 +17,14 @@ from blackboard.wire.messages import Fix, Sighting
 from robot_agent.config import RobotSection
 from robot_agent.pose_grid import PoseGrid
 from robot_agent.raster import log_ratio, sampled, shifted, with_outlier
-from robot_agent.sensing import TickMotion, bearing_variance, motion_since, part_variance, range_variance
+from robot_agent.sensing import (
+    TickMotion,
+    along_and_across,
+    bearing_variance,
+    motion_since,
+    part_variance,
+    range_variance,
+)
 
 PROJECTED = 1e-3  # share of the mass: a heading bin with less is left out of a projection
 COMPASS_SIGMA = 0.03  # radians
@@ -166,11 +173,7 @@ class PoseLocalizer:
 
     def _spread(self, distance: Array, sight: tuple[Array, Array], covariance: Array) -> tuple[Array, Array]:
         """Variances of a range (unit ** 2) and a bearing (radians ** 2) that come from a place's covariance and from the grid."""
-        ux, uy = sight
-        (cxx, cxy), (_, cyy) = covariance + np.eye(2) * self.poses.grid.cell**2 / 12
-        # u^T C u along the line of sight u, and n^T C n across it, n = (-uy, ux)
-        along = ux * ux * cxx + 2 * ux * uy * cxy + uy * uy * cyy
-        across = uy * uy * cxx - 2 * ux * uy * cxy + ux * ux * cyy
+        along, across = along_and_across(*sight, covariance + np.eye(2) * self.poses.grid.cell**2 / 12)
         return along, self.poses.bin**2 / 12 + across / distance**2
 
     def _weighed(self, likelihood: Array) -> PoseLocalizer:

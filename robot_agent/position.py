@@ -35,6 +35,7 @@ from robot_agent.sensing import (
     NODES,
     SEEN_TO,
     TickMotion,
+    along_and_across,
     displacement,
     displacement_covariance,
     motion_since,
@@ -148,22 +149,18 @@ class PositionLocalizer:
     ) -> PositionLocalizer:
         driven, turned = motion_since(seen, motion)
         c, s = math.cos(self.heading), math.sin(self.heading)
-        variance, (cxx, cxy), (_, cyy) = (
-            part_variance(seen, self.settings),
-            *(covariance + np.eye(2) * self.grid.cell**2 / 12),
-        )
+        variance, there = part_variance(seen, self.settings), covariance + np.eye(2) * self.grid.cell**2 / 12
 
         def likelihood(window: Window) -> Array:
             x, y = self._centres(window)
             dx, dy = place[0] - x + driven * c, place[1] - y + driven * s
             distance = np.maximum(np.hypot(dx, dy), self.grid.cell / 2)
-            ux, uy = dx / distance, dy / distance
+            along, across = along_and_across(dx / distance, dy / distance, there)
             if seen.kind == "range":
-                off = seen.values[0] - distance
-                spread = variance + ux * ux * cxx + 2 * ux * uy * cxy + uy * uy * cyy
+                off, spread = seen.values[0] - distance, variance + along
             else:
                 off = wrap(np.arctan2(dy, dx) - (self.heading - turned) - seen.values[0])
-                spread = variance + (uy * uy * cxx - 2 * ux * uy * cxy + ux * ux * cyy) / distance**2
+                spread = variance + across / distance**2
             return np.asarray(np.exp(-0.5 * off**2 / spread) / np.sqrt(spread))
 
         everywhere = whole(self.grid.shape)  # a ring, or a ray, has no box that is smaller by much

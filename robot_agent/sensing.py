@@ -200,6 +200,12 @@ def part_variance(seen: Seen, settings: RobotSection) -> float:
     return seen.covariance[0] if seen.covariance else bearing_variance(settings.vision)
 
 
+def along_and_across(ux: Array, uy: Array, covariance: Array) -> tuple[Array, Array]:
+    """Variances (unit ** 2) of a place with a covariance (2, 2) along unit vectors u, and across them: u^T C u, and n^T C n."""
+    (cxx, cxy), (_, cyy) = covariance
+    return ux * ux * cxx + 2 * ux * uy * cxy + uy * uy * cyy, uy * uy * cxx - 2 * ux * uy * cxy + ux * ux * cyy
+
+
 def displacement(sighting: Sighting, motion: TickMotion | None, heading: float) -> tuple[float, float]:
     """The measured displacement from where the robot is now, with its `heading` (radians), to the subject, in world axes (unit)."""
     driven, turned = motion_since(sighting, motion)

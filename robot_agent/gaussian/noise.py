@@ -301,7 +301,7 @@ class CameraNoise:
         self._factors = NoiseFactors((self.range,)), NoiseFactors((self.bearing,))
 
     def found(self, model: Camera) -> CameraFound | None:
-        """What the robot tells a joint of its camera's noise. None of a camera with a profile, whose noise is not estimated."""
+        """The estimate of the camera's noise that goes into the evidence. None where the camera has a profile: then there is none."""
         if model.profile:
             return None
         ranges, bearings = ((factor.mean, factor.sigma) for factor in (self.range, self.bearing))

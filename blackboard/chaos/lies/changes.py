@@ -331,7 +331,7 @@ class Absurd(Change):
 
 @dataclass(frozen=True)
 class WrongWheels(Change):
-    """Its odometry tells `distance` times the way and `turn` times the turn, and a false way to its left.
+    """False odometry: the way times `distance`, the turn times `turn`, and a way to the left that it did not drive.
 
     That way grows by `aside` (unit) with each second. The sigmas of its wheels' lasting errors are `sigma` (None: as honest).
     """

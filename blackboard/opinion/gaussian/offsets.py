@@ -185,9 +185,9 @@ class Offsets:
 
 
 def _within_gate(innovation: Innovation, lengths: Sequence[int]) -> Array:
-    """The residuals of sightings, of so many rows each. One beyond the gate, which moves nobody, counts as one at its edge.
+    """The residuals of a tick, in which sightings have these numbers of rows, each shortened to the edge of the gate.
 
-    So misreads, of which each goes to another side, do not add up (Huber 1964). What keeps its side does.
+    A single misread then does not look like a lasting offset (Huber 1964). A robot that keeps one side still does.
     """
     residual, begin = innovation.residual.copy(), 0
     for length in lengths:

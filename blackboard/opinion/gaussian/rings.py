@@ -7,6 +7,7 @@ Gaussians by the curvature at the optimum (Laplace's approximation).
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,8 @@ STARTS = 24  # along the first ring, or ray
 STEPS, REFINED = 12, 4  # of Gauss and Newton, from all starts, and for what is left of them
 FARTHEST = 50.0  # times the distance between observers: no ray is followed farther
 APART = 3.0  # sigmas between two places that are two
-#: Of the noise of a sighting, how far it may bend within a sigma of a place (Lerro and Bar-Shalom, IEEE TAES 29(3), 1993).
+#: A place is a Gaussian where no ring or ray bends by more than this share of its noise within a sigma of the place
+#: (Lerro and Bar-Shalom, IEEE TAES 29(3), 1993).
 CURVED = 0.4
 SURE = 0.99  # the weight of a place that is taken for the only one
 UNLIKELY = 1e6  # a place that is so many times less likely than the likeliest is none
@@ -53,11 +55,23 @@ class RingPlace:
     weight: float
 
 
+class _Columns(NamedTuple):
+    """The numbers of n sightings, as in `Line`, and the covariance of the thing's walks along one axis since each, shape (n, n)."""
+
+    places: Array
+    ranges: npt.NDArray[np.bool_]
+    values: Array
+    fresh: Array
+    own: Array
+    walked: Array
+
+
 @dataclass
 class Ring:
     """Mutable: what was seen of one thing. `walk` is how it moves, unit / sqrt(s); `finder` is the robot that saw it first.
 
-    `sharpest` is the least sigma (unit) of a sighting, as in `limits`, where how far away a thing is that has a bearing was not known.
+    `sharpest` is the least sigma (unit) of a place that a sensor can tell, as in `limits`. For a bearing it needs the distance, which
+    is known here only.
     """
 
     walk: float = 0.0
@@ -98,36 +112,45 @@ class Ring:
             return ()
 
     def _places(self) -> tuple[RingPlace, ...]:
-        costs, ends, information = self._solved(self._starts(), STEPS, together=False)
+        lines = self._columns()
+        costs, ends, information = self._solved(lines, self._starts(lines.places), STEPS, together=False)
         some = _distinct(costs, ends, information)
-        costs, ends, information = self._solved(ends[some], REFINED, together=True)
+        costs, ends, information = self._solved(lines, ends[some], REFINED, together=True)
         kept = _distinct(costs, ends, information)
         if np.linalg.det(information[kept]).min() <= 0:
             return ()
         shares = np.exp(-0.5 * (costs[kept] - costs.min())) / np.sqrt(np.linalg.det(information[kept]))
-        common = max(line.own for line in self._lines)  # their errors last: many sightings do not average them
+        common = lines.own.max()  # their errors last: many sightings do not average them
         places = []
         for k, share in zip(kept, (shares / shares.sum()).tolist(), strict=True):
             covariance = np.linalg.inv(information[k]) + common * np.eye(2)
-            if self._is_curved(ends[k], math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))):
+            if self._is_curved(lines, ends[k], math.sqrt(float(np.linalg.eigvalsh(covariance)[-1]))):
                 return ()
             places.append(RingPlace(Moments(ends[k], covariance), share))
         return tuple(sorted(places, key=lambda place: -place.weight))
 
-    def _is_curved(self, end: Array, sigma: float) -> bool:
+    def _is_curved(self, lines: _Columns, end: Array, sigma: float) -> bool:
         """Whether some ring or ray bends too much, within a sigma (unit) of a place, for the place to be a Gaussian."""
-        _, _, variance, distance = self._linear(end[np.newaxis])
-        noise = np.sqrt(variance + self._walked().diagonal())[0]
+        _, _, variance, distance = self._linear(lines, end[np.newaxis])
+        noise = np.sqrt(variance + lines.walked.diagonal())[0]
         bent = np.minimum(sigma**2 / distance[0], 2 * sigma)
         return bool((np.minimum(noise, sigma) * bent > CURVED * noise**2).any())
+
+    def _columns(self) -> _Columns:
+        numbers = [(line.value, line.variance, line.own, line.time) for line in self._lines]
+        values, fresh, own, times = np.array(numbers).T
+        ages = self.newest - times
+        walked = self.walk**2 * np.minimum(ages[:, np.newaxis], ages)
+        places, ranges = self._places_seen_from()
+        return _Columns(places, ranges, values, fresh, own, walked)
 
     def _places_seen_from(self) -> tuple[Array, npt.NDArray[np.bool_]]:
         """From where, shape (n, 2), and whether it was a range, shape (n,)."""
         return np.array([line.place for line in self._lines]), np.array([line.is_range for line in self._lines])
 
-    def _starts(self) -> Array:
-        """Places along the first ring, or along the first ray, shape (n, 2)."""
-        first, (places, _) = self._lines[0], self._places_seen_from()
+    def _starts(self, places: Array) -> Array:
+        """Points along the first ring, or along the first ray, shape (s, 2). `places` are those seen from, shape (n, 2)."""
+        first = self._lines[0]
         if first.is_range:
             angles = np.arange(STARTS) * 2 * math.pi / STARTS
             return np.asarray(
@@ -137,34 +160,26 @@ class Ring:
         away = spread * np.geomspace(0.1, FARTHEST, STARTS)
         return np.asarray(first.place + away[:, None] * [math.cos(first.value), math.sin(first.value)])
 
-    def _walked(self) -> Array:
-        """Covariance (unit ** 2) of how far, along one axis, the thing has walked since each sighting, shape (n, n)."""
-        ages = np.array([self.newest - line.time for line in self._lines])
-        return np.asarray(self.walk**2 * np.minimum(ages[:, np.newaxis], ages))
-
-    def _linear(self, ends: Array) -> tuple[Array, Array, Array, Array]:
-        """Of some places: how each sighting changes with them, shape (s, n, 2), by how much it is off, its variance, the distance."""
-        lines, (places, ranges) = self._lines, self._places_seen_from()
-        values, fresh, own = (
-            np.array([getattr(line, name) for line in lines]) for name in ("value", "variance", "own")
-        )
-        away = ends[:, None] - places
+    def _linear(self, lines: _Columns, ends: Array) -> tuple[Array, Array, Array, Array]:
+        """At some places: the derivatives of the sightings, shape (s, n, 2), residuals, variances without walks, and distances."""
+        away = ends[:, None] - lines.places
         distance = np.maximum(np.hypot(away[..., 0], away[..., 1]), NEAREST)
-        turned = values - np.arctan2(away[..., 1], away[..., 0])
-        off = np.where(ranges, values - distance, ((turned + math.pi) % (2 * math.pi) - math.pi) * distance)
+        turned = lines.values - np.arctan2(away[..., 1], away[..., 0])
+        off = np.where(lines.ranges, lines.values - distance, ((turned + math.pi) % (2 * math.pi) - math.pi) * distance)
         across = np.stack([-away[..., 1], away[..., 0]], axis=-1)
-        rows = np.where(ranges[:, None], away, across) / distance[..., None]
-        variance = np.maximum(np.where(ranges, fresh, fresh * distance**2), self.sharpest**2) + own
+        rows = np.where(lines.ranges[:, None], away, across) / distance[..., None]
+        fresh = np.where(lines.ranges, lines.fresh, lines.fresh * distance**2)
+        variance = np.maximum(fresh, self.sharpest**2) + lines.own
         return rows, off, variance, distance
 
-    def _solved(self, starts: Array, steps: int, *, together: bool) -> tuple[Array, Array, Array]:
+    def _solved(self, lines: _Columns, starts: Array, steps: int, *, together: bool) -> tuple[Array, Array, Array]:
         """By Gauss and Newton from each start: - 2 ln(likelihood), shape (s,), place, (s, 2), and information, (s, 2, 2).
 
-        What the thing has walked since two sightings is partly the same; unless `together` that is left out, for speed.
+        The walks since two sightings have a part in common. `together` counts that; without it a step is faster.
         """
-        ends, walked, unit = starts, self._walked(), np.eye(len(self._lines))
+        ends, walked, unit = starts, lines.walked, np.eye(len(lines.values))
         for step in range(steps + 1):
-            rows, off, variance, distance = self._linear(ends)
+            rows, off, variance, distance = self._linear(lines, ends)
             if together:
                 spread = variance[:, :, None] * unit + np.einsum("snk,smk->snm", rows, rows) * walked
                 weighed = np.linalg.solve(spread, np.concatenate([rows, off[..., None]], axis=-1))

@@ -278,7 +278,10 @@ class TeamState:
         return wider, squared_distance(innovation.residual, innovation.covariance + (wider.noise - factor.noise))
 
     def distance(self, relative: Relative) -> float:
-        """How far away a subject is: as it was measured, or else as the joint has it; infinity where nobody knows."""
+        """The distance (unit) to a subject: the measured range, or of a bearing that between the places in the joint.
+
+        Infinity where one of these is not in the joint.
+        """
         ends = relative.observer, relative.subject
         if relative.kind != "bearing":
             return relative.range
