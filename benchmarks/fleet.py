@@ -24,7 +24,7 @@ import numpy as np
 from blackboard.board.service import BoardService
 from blackboard.client.share import Share
 from blackboard.config import BoardSection, Scenario, load
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.net.scheduler import BEGIN, Scheduler
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
@@ -90,7 +90,7 @@ def record(robots: int, fusion: str, seconds: float, subject: str = "ball") -> R
     tables = demo.tables | {"world": demo.tables["world"] | {"objects": objects}}
     scenario = Scenario(tables).changed("time", tick=1.0, seconds=seconds + 2.0, mode="realtime")
     said, world = Said(), Said()
-    team = Team(scenario, around=lambda _, robot: Recorded(robot, said))
+    team = InProcessTeam(scenario, around=lambda _, robot: Recorded(robot, said))
     team.bus.spies.append(
         lambda envelope: world.append((team.now, envelope)) if keys.CLOCK.match(envelope.key) else None
     )

@@ -17,7 +17,7 @@ from ratios import Measured, show
 
 from blackboard.board.service import BoardService
 from blackboard.config import Scenario, load
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.opinion.gaussian.once import settle_alone
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, open_envelope
@@ -47,7 +47,7 @@ class Tick:
 
 
 def tick(scenario: Scenario) -> Tick:
-    team, sent, sightings = Team(scenario), [0], [0]
+    team, sent, sightings = InProcessTeam(scenario), [0], [0]
 
     def count(envelope: Envelope) -> None:
         sent[0] += 1
@@ -62,7 +62,7 @@ def tick(scenario: Scenario) -> Tick:
 
 def board_tick(scenario: Scenario) -> float:
     """Milliseconds of processor time a tick of one board, the mean of the two, which share no work as they would in one process."""
-    team = Team(scenario, settle=settle_alone)
+    team = InProcessTeam(scenario, settle=settle_alone)
     spent = [stopwatch(board) for board in team.boards.values()]
     ticks = team.run()["ticks"]
     return 1e3 * sum(map(sum, spent)) / len(spent) / float(ticks)

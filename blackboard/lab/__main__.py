@@ -22,7 +22,7 @@ from blackboard.lab import streams as streams_of_fusions
 from blackboard.lab.estimates import RuleScores
 from blackboard.lab.sweep import kept_runs, run_all
 from blackboard.lab.sweep_plan import parse_seeds, plan
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.lab.tuning import CandidateScores
 from blackboard.opinion.rules import Rule
 from blackboard.run.flags import LengthFlags, OutputFlags, RecordingFlags, TeamFlags
@@ -284,7 +284,7 @@ def sweep(
     chosen = chosen.changed("time", seconds=seconds, mode="lockstep")
     planned = plan(chosen, parse_seeds(seeds), set)
     for one in {one.combination: one for one in planned}.values():
-        Team(one.scenario)  # a mistake in any section is reported before anything runs
+        InProcessTeam(one.scenario)  # a mistake in any section is reported before anything runs
     with kept_runs(runs) as (done, keep), progress("sweep") as show:
         cards = run_all(planned, done, keep, show)
     summary = sweep_report.report(planned, cards, np.random.default_rng(SEED))

@@ -7,7 +7,7 @@ from typing import Any
 from blackboard.config import Scenario
 from blackboard.judge.forecasts import OUTSIDE, Forecasts
 from blackboard.judge.samples import Sample
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.lab.team_cases import variant
 from blackboard.process.columns import cell, columns
 
@@ -43,7 +43,7 @@ def judge(lead: str, scenario: Scenario) -> Forecasts:
         if not math.isnan(sample.lost):
             forecasts.add(sample.lost, sample.region > OUTSIDE)
 
-    Team(scenario, record=take).run()
+    InProcessTeam(scenario, record=take).run()
     return forecasts
 
 

@@ -15,7 +15,7 @@ from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.lab import parallel
 from blackboard.lab.sweep_plan import Planned
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.run.door import version
 from blackboard.run.logs import quiet
 
@@ -26,7 +26,7 @@ def run_one(key: str, scenario: Scenario) -> Finished:
     """Run a whole team in this process: its name, and its scorecard with the CPU seconds that it took."""
     before = _cpu_seconds()
     with quiet():
-        card = Team(scenario).run()
+        card = InProcessTeam(scenario).run()
     return {"key": key, "version": version(), "card": {**card, "cpu_s": round(_cpu_seconds() - before, 3)}}
 
 

@@ -44,7 +44,7 @@ def played(scenario: Scenario) -> Iterator[Played]:
         yield Played(number, time.tick if number else 0.0, truth, readings, source.judged(number))
 
 
-class Team(Scheduler):
+class InProcessTeam(Scheduler):
     """The processes of a scenario as services on a bus, which may shuffle what it delivers, lose some of it, or be watched."""
 
     def __init__(

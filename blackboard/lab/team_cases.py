@@ -13,7 +13,7 @@ from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.lab.cases import Case, Run
 from blackboard.lab.ideal import Asked
-from blackboard.lab.team import Team, played
+from blackboard.lab.team import InProcessTeam, played
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
@@ -60,7 +60,7 @@ def agreed_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked,
     All boards agree on the same, but for what each heard late: it is the first sub-team's that is taken, uniform where there is
     none. The run must be in lockstep for its readings to be those of `first_hand_cases`. UserError: a wrong scenario.
     """
-    team, grid, asked = Team(scenario), scenario.grid, set(wanted)
+    team, grid, asked = InProcessTeam(scenario), scenario.grid, set(wanted)
     first = next(iter(scenario.team.sub_teams))
     beliefs = {name: uniform(grid) for name in asked}
 

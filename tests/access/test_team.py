@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from blackboard.config import Scenario, load
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.net.settings import LinkConfig
 from blackboard.run.flags import TeamFlags
 from blackboard.run.launch import process_table
@@ -34,7 +34,7 @@ def test_with_keys_the_hash_of_an_undisturbed_demo_is_the_same_and_nobody_is_den
     run = blackboard("up", patient_demo(tmp_path), *SHORT, "--keys", str(directory))
     secure = json.loads(run.stdout)
     # in one process, which has the hash of the processes without keys (tests/system/test_demo.py)
-    plain = Team(TeamFlags(robots=3).apply(load("demo")).changed("time", seconds=2.0)).run()
+    plain = InProcessTeam(TeamFlags(robots=3).apply(load("demo")).changed("time", seconds=2.0)).run()
     assert secure["hash"] == plain["hash"]
     assert secure["messages"]["refused"] == plain["messages"]["refused"] == {}
     assert "denied" not in run.stdout + run.stderr

@@ -2,7 +2,7 @@
 
 import pytest
 
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
 from tests.board.reports import at, new_board, said_by
 from tests.heard import Heard
@@ -25,7 +25,7 @@ def test_what_another_board_lists_no_longer_is_not_agreed_any_more() -> None:
 def test_a_sighting_of_another_sub_teams_robot_is_agreed_on_only_while_it_is_in_view() -> None:
     """Three robots: what the board of `b` believes about r1, by the sightings of r3, is gone once r3 sees it no longer."""
     scenario = SCENARIO.changed("grid", shape=[30, 30]).changed("time", seconds=15.0)
-    team = Team(scenario.changed("board", feedback="off"))
+    team = InProcessTeam(scenario.changed("board", feedback="off"))
     heard = Heard(team.bus)
     team.run()
     settled = [status for status in heard.of(keys.STATUS, process="board-b") if status.phase == "consensus"]

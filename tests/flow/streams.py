@@ -1,6 +1,6 @@
 """What consumers of a team's consensuses get of a run."""
 
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus
@@ -11,7 +11,7 @@ Key = tuple[str, str, str, int]  # sub-team, level, subject, tick
 class Stream:
     """Every consensus of a run as consumers get it, in the order of sending."""
 
-    def __init__(self, team: Team) -> None:
+    def __init__(self, team: InProcessTeam) -> None:
         self.sent: list[Consensus] = []
         team.bus.spies.append(self._record)
 

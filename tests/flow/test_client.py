@@ -1,7 +1,7 @@
 """A robot of another program in a world that waits for everybody: nobody waits in vain, and it is in every consensus."""
 
 from blackboard.client.member import Member
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.opinion.belief import gaussian
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
@@ -22,7 +22,7 @@ class Still(Member):
 
 
 def test_a_client_in_lockstep_is_waited_for_and_keeps_nobody_waiting() -> None:
-    team = Team(SCENARIO.changed("team", guests="vote"))
+    team = InProcessTeam(SCENARIO.changed("team", guests="vote"))
     client = Still(team="t", sub_teams=("a",), robot="c1", grid=SCENARIO.grid, settings=SCENARIO.board)
     team.join(client)
     heard = Heard(team.bus)

@@ -8,7 +8,7 @@ import pytest
 from blackboard.config import Scenario
 from blackboard.faults import without_faults
 from blackboard.judge.card import text
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
@@ -43,7 +43,7 @@ class Said:
     """A run, and the newest status of its board and consensuses by level and subject."""
 
     def __init__(self, scenario: Scenario, shuffle: int | None = None) -> None:
-        self.team = Team(scenario, None if shuffle is None else np.random.default_rng(shuffle))
+        self.team = InProcessTeam(scenario, None if shuffle is None else np.random.default_rng(shuffle))
         heard = Heard(self.team.bus)
         self.card = self.team.run()
         assert self.team.world.why == ""
@@ -128,7 +128,7 @@ def test_a_skewed_robot_is_refused_by_its_stamp_and_says_so_in_the_board_s_statu
 
 def test_names_without_a_token_do_not_vote(short: Said) -> None:
     """One process speaks for ten robots that hold no token, all at one wrong place: no bit changes, although guests may vote."""
-    team = Team(new_scenario(seconds=2.5).changed("team", guests="vote"))
+    team = InProcessTeam(new_scenario(seconds=2.5).changed("team", guests="vote"))
     busy = False
 
     def invent(envelope: Envelope) -> None:

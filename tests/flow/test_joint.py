@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from blackboard.board.service import board_of
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode, encode
@@ -18,7 +18,7 @@ from tests.scenarios import SCENARIO
 JOINT = SCENARIO.changed("board", fusion="joint").changed("time", seconds=3.0)
 
 
-def played(team: Team) -> tuple[str, Agreed]:
+def played(team: InProcessTeam) -> tuple[str, Agreed]:
     heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""
@@ -27,7 +27,7 @@ def played(team: Team) -> tuple[str, Agreed]:
 
 @pytest.fixture(scope="module")
 def calm() -> tuple[str, Agreed]:
-    return played(Team(JOINT))
+    return played(InProcessTeam(JOINT))
 
 
 def test_every_board_holds_the_same_joint_to_the_bit(calm: tuple[str, Agreed]) -> None:
@@ -50,11 +50,11 @@ def test_the_joint_says_whose_evidence_it_took(calm: tuple[str, Agreed]) -> None
 
 
 def test_the_order_of_arrival_changes_no_bit(calm: tuple[str, Agreed]) -> None:
-    assert played(Team(JOINT, np.random.default_rng(3)))[0] == calm[0]
+    assert played(InProcessTeam(JOINT, np.random.default_rng(3)))[0] == calm[0]
 
 
 def test_what_is_said_twice_counts_once(calm: tuple[str, Agreed]) -> None:
-    team = Team(JOINT)
+    team = InProcessTeam(JOINT)
     echoes: set[bytes] = set()
 
     def echo(envelope: Envelope) -> None:
@@ -69,7 +69,7 @@ def test_what_is_said_twice_counts_once(calm: tuple[str, Agreed]) -> None:
 
 
 def test_lost_messages_stop_nobody() -> None:
-    team, count = Team(JOINT), 0
+    team, count = InProcessTeam(JOINT), 0
 
     def lose(envelope: Envelope) -> bool:
         nonlocal count
@@ -87,7 +87,7 @@ def plain(name: str) -> AgentService:
 
 
 def test_a_robot_that_sends_beliefs_only_is_pooled_beside_the_joint() -> None:
-    team = Team(JOINT)
+    team = InProcessTeam(JOINT)
     team.leave(team.robots["r2"])
     team.join(plain("r2"))
     _, agreed = played(team)
@@ -100,7 +100,7 @@ def test_a_robot_that_sends_beliefs_only_is_pooled_beside_the_joint() -> None:
 
 def test_a_board_that_pools_opinions_only_is_not_waited_for() -> None:
     """As a board of the version before, which forwards nothing."""
-    team = Team(JOINT)
+    team = InProcessTeam(JOINT)
     team.leave(team.boards["b"])
     team.join(board_of(SCENARIO, "b"))
     _, agreed = played(team)
@@ -110,7 +110,7 @@ def test_a_board_that_pools_opinions_only_is_not_waited_for() -> None:
 
 
 def test_evidence_from_another_time_is_refused() -> None:
-    team = Team(JOINT)
+    team = InProcessTeam(JOINT)
     team.run_until(lambda: team.world.tick == 2)
     for time in (1e12, -1e12):
         forward = Forward(board="board-b", sub_team="b", tick=2, time=time)
@@ -120,7 +120,7 @@ def test_evidence_from_another_time_is_refused() -> None:
 
 
 def test_a_robot_that_dies_is_believed_less_and_less_and_then_no_more() -> None:
-    team = Team(JOINT.changed("board", max_age=1.7))
+    team = InProcessTeam(JOINT.changed("board", max_age=1.7))
     heard = Heard(team.bus)
     team.run_until(lambda: team.world.tick == 2)
     team.leave(team.robots["r2"])
@@ -135,7 +135,7 @@ def test_a_robot_that_dies_is_believed_less_and_less_and_then_no_more() -> None:
 
 def test_no_evidence_ends_a_board() -> None:
     """A member whose numbers are absurd: the joint may begin anew, and the boards go on."""
-    team = Team(JOINT)
+    team = InProcessTeam(JOINT)
 
     def spoil(envelope: Envelope) -> None:
         if envelope.key == "cop/t/a/forward/board-a" and envelope.payload not in spoilt:
@@ -157,7 +157,7 @@ def test_no_evidence_ends_a_board() -> None:
 
 def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
     """What a robot says after it began anew is not taken for the continuation of what it said before."""
-    team = Team(JOINT.changed("time", seconds=5.5))
+    team = InProcessTeam(JOINT.changed("time", seconds=5.5))
     heard = Heard(team.bus)
 
     def wait(ticks: int) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from blackboard.board.lead import BoardRole
 from blackboard.board.service import board_of
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.tape.content import Tape
 from blackboard.tape.judge import match, recorded
 from blackboard.tape.replay import replay
@@ -27,10 +27,10 @@ def memory(service: Any) -> tuple[object, object]:
 
 
 def test_a_board_that_was_restarted_is_as_its_twin() -> None:
-    whole = Team(LEARNS)
+    whole = InProcessTeam(LEARNS)
     calm = Stream(whole)
     whole.run()
-    team = Team(LEARNS.changed("team", boards=2))
+    team = InProcessTeam(LEARNS.changed("team", boards=2))
     stream = Stream(team)
     team.run_until(lambda: team.world.tick == 8)
     assert memory(team.boards["a"]) == memory(team.boards["a2"])
@@ -53,7 +53,7 @@ def test_a_board_that_was_restarted_is_as_its_twin() -> None:
 
 def test_a_leader_that_repeats_its_memory_costs_its_follower_one_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     """Taking over the largest memory takes 0.2 s of a core."""
-    team = Team(LEARNS.changed("team", boards=2))
+    team = InProcessTeam(LEARNS.changed("team", boards=2))
     team.run_until(lambda: team.world.tick == 8)
     follower = team.boards["a2"]
     assert follower.lead.role is BoardRole.FOLLOWS
@@ -103,7 +103,7 @@ def test_a_tape_that_begins_late_is_replayed_to_the_bit(tmp_path: Path, mode: st
 
 
 def test_only_a_board_that_leads_says_what_it_remembers_once_a_second() -> None:
-    team = Team(LEARNS.changed("team", boards=2).changed("time", seconds=3.0))
+    team = InProcessTeam(LEARNS.changed("team", boards=2).changed("time", seconds=3.0))
     heard = Heard(team.bus)
     team.run()
     # before the world comes each board leads itself
@@ -112,7 +112,7 @@ def test_only_a_board_that_leads_says_what_it_remembers_once_a_second() -> None:
 
 
 def test_where_nothing_learns_nothing_is_remembered() -> None:
-    team = Team(LEARNS.changed("board", independence=0.2, max_age=1.0).changed("time", seconds=1.0))
+    team = InProcessTeam(LEARNS.changed("board", independence=0.2, max_age=1.0).changed("time", seconds=1.0))
     heard = Heard(team.bus)
     team.run()
     assert heard.of(keys.MEMORY) == []
@@ -121,7 +121,7 @@ def test_where_nothing_learns_nothing_is_remembered() -> None:
 
 def test_a_memory_that_is_none_harms_nobody() -> None:
     """From the leader's own name, of another run, and of times that are still to come."""
-    team = Team(LEARNS.changed("team", boards=2).changed("time", seconds=4.0))
+    team = InProcessTeam(LEARNS.changed("team", boards=2).changed("time", seconds=4.0))
     team.run_until(lambda: team.world.tick == 4)
     follower = team.boards["a2"]
     before = memory(follower)

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from blackboard.config import Scenario
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from tests.heard import Agreed, Heard
 from tests.scenarios import SCENARIO
 
@@ -20,7 +20,7 @@ def new_scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
 
 def agreed(sub_teams: dict[str, list[str]], **board: object) -> Agreed:
     """What was agreed on in a run to the end."""
-    team = Team(new_scenario(sub_teams, **board))
+    team = InProcessTeam(new_scenario(sub_teams, **board))
     heard = Heard(team.bus)
     team.run()
     assert team.world.why == ""

@@ -8,7 +8,7 @@ import pytest
 
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire.arrays import unpack
 from tests.heard import Agreed, Heard
 from tests.scenarios import JOINT
@@ -25,7 +25,7 @@ TEAM = ("robot/r1", "robot/r2", "robot/r3")
 @cache
 def played(scenario: Scenario = PEOPLE, shuffle: int | None = None) -> tuple[Agreed, dict[str, Any]]:
     """What was agreed on about all but the robots of the team, and how the tracks of people are judged."""
-    team = Team(scenario, None if shuffle is None else np.random.default_rng(shuffle))
+    team = InProcessTeam(scenario, None if shuffle is None else np.random.default_rng(shuffle))
     heard = Heard(team.bus)
     card = team.run()
     tracks = {
@@ -58,7 +58,7 @@ def test_the_order_in_which_messages_come_changes_no_track() -> None:
 
 
 def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -> None:
-    team = Team(PEOPLE.changed("time", seconds=20.0))
+    team = InProcessTeam(PEOPLE.changed("time", seconds=20.0))
     heard = Heard(team.bus)
     team.run_until(lambda: team.world.tick == 18)
     team.leave(team.boards["a"])
@@ -78,7 +78,7 @@ def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -
 
 @pytest.mark.parametrize("fusion", ["joint", "opinions"])
 def test_boards_that_were_all_started_again_give_no_name_that_was_given_before(fusion: str) -> None:
-    team = Team(PEOPLE.changed("time", seconds=20.0).changed("board", fusion=fusion))
+    team = InProcessTeam(PEOPLE.changed("time", seconds=20.0).changed("board", fusion=fusion))
     heard = Heard(team.bus)
     team.run_until(lambda: team.world.tick == 18)
     for board in list(team.boards.values()):

@@ -8,7 +8,7 @@ from blackboard.board.service import BoardService
 from blackboard.client.member import Member
 from blackboard.client.share import Share
 from blackboard.config import BoardSection, Scenario
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.opinion.belief import gaussian
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
@@ -29,7 +29,7 @@ NEW = "object/new"
 
 def run(shared: bool) -> tuple[dict[str, Any], list[Consensus]]:
     """The scorecard of the simulated team, and what it agreed on about an object that only the other team knows."""
-    team, agreed = Team(SCENARIO), list[Consensus]()
+    team, agreed = InProcessTeam(SCENARIO), list[Consensus]()
     if shared:
         member = Member(team="there", sub_teams=("s",), robot="z", grid=SCENARIO.grid, settings=BoardSection())
         team.join(

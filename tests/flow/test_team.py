@@ -7,7 +7,7 @@ import pytest
 
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.raw import MAX_BYTES
@@ -15,12 +15,12 @@ from tests.heard import Heard
 from tests.scenarios import SCENARIO
 
 
-def team_of(scenario: Scenario = SCENARIO, shuffle: int | None = None) -> Team:
+def team_of(scenario: Scenario = SCENARIO, shuffle: int | None = None) -> InProcessTeam:
     """The team of a scenario, its envelopes shuffled by a seed."""
-    return Team(scenario, None if shuffle is None else np.random.default_rng(shuffle))
+    return InProcessTeam(scenario, None if shuffle is None else np.random.default_rng(shuffle))
 
 
-def run(team: Team) -> str:
+def run(team: InProcessTeam) -> str:
     """Run to the end, which must be the regular one; the hash over all consensuses."""
     team.run()
     assert team.world.why == ""

@@ -9,7 +9,7 @@ import pytest
 
 from blackboard.board.lead import BoardRole
 from blackboard.board.service import board_of
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus
 from tests.flow.streams import Key, Stream
@@ -19,12 +19,12 @@ LONGER = SCENARIO.changed("time", seconds=4.0)  # ticks 0 to 8
 FUSIONS = ("opinions", "joint")
 
 
-def pair(fusion: str, mode: str = "lockstep", boards: int = 2) -> Team:
+def pair(fusion: str, mode: str = "lockstep", boards: int = 2) -> InProcessTeam:
     scenario = LONGER.changed("team", boards=boards).changed("board", fusion=fusion).changed("time", mode=mode)
-    return Team(scenario)
+    return InProcessTeam(scenario)
 
 
-def is_clean(team: Team) -> None:
+def is_clean(team: InProcessTeam) -> None:
     """Nobody was late, and nobody refused anything."""
     assert team.world.why == ""
     services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]

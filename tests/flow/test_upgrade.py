@@ -12,7 +12,7 @@ from typing import Any
 import msgpack
 import pytest
 
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.net.bus import intersects
 from blackboard.tape.content import Tape, load_tape
 from blackboard.tape.whatif import what_if
@@ -102,7 +102,7 @@ def more(value: Any) -> Any:
 def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
     beliefs = []
     for change in (False, True):
-        team, sent = Team(scenario), list[Envelope]()
+        team, sent = InProcessTeam(scenario), list[Envelope]()
         team.bus.spies.append(sent.append)
         deliver = team.bus.deliver
 
@@ -123,7 +123,10 @@ def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
 def test_members_may_change_their_coding_one_after_another(scenario: Any) -> None:
     places = []
     for board, robot in (("log8", "log8"), ("log8", "log16"), ("log16", "log8")):
-        team, sent = Team(scenario.changed("board", coding=board).changed("robot", coding=robot)), list[Envelope]()
+        team, sent = (
+            InProcessTeam(scenario.changed("board", coding=board).changed("robot", coding=robot)),
+            list[Envelope](),
+        )
         team.bus.spies.append(sent.append)
         team.run()
         services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]

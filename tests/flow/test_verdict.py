@@ -1,6 +1,6 @@
 """Disasters that are no PASS, with real services: a board that dies and stays away, and robots that all begin anew in the middle."""
 
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from robot_agent.team import robot_of
 from tests.scenarios import SCENARIO
 
@@ -8,7 +8,7 @@ LONGER = SCENARIO.changed("time", seconds=12.0).changed("world", objects={}, che
 
 
 def test_a_board_that_dies_and_stays_away_is_a_fail_that_names_its_robots() -> None:
-    team = Team(LONGER)
+    team = InProcessTeam(LONGER)
     team.run_until(lambda: team.world.tick >= 7)
     team.leave(team.boards["b"])
     card = team.run()
@@ -19,9 +19,9 @@ def test_a_board_that_dies_and_stays_away_is_a_fail_that_names_its_robots() -> N
 
 
 def test_robots_that_all_lose_themselves_are_a_fail() -> None:
-    calm = Team(LONGER).run()
+    calm = InProcessTeam(LONGER).run()
     assert calm["verdict"] == "PASS", calm["reasons"]
-    team = Team(LONGER)
+    team = InProcessTeam(LONGER)
     team.run_until(lambda: team.world.tick >= 7)
     for name, service in team.robots.items():
         team.leave(service)

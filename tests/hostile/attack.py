@@ -7,7 +7,7 @@ from typing import Any
 import msgpack
 
 from blackboard.config import Scenario
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
 from blackboard.wire.codec import encode, open_envelope
 from blackboard.wire.envelope import Envelope
@@ -19,7 +19,7 @@ class Attack:
     """A run that is stopped after the first messages of a tick, with the newest message that was sent on each key."""
 
     def __init__(self, scenario: Scenario = SCENARIO, tick: int = 2) -> None:
-        self.team = Team(scenario)
+        self.team = InProcessTeam(scenario)
         self.newest: dict[str, Envelope] = {}
         self.team.bus.spies.append(self._remember)
         self.card: dict[str, Any] = {}  # the scorecard, at the end
@@ -71,7 +71,7 @@ class Attack:
 @cache
 def calm(scenario: Scenario = SCENARIO) -> str:
     """The hash of the undisturbed run."""
-    team = Team(scenario)
+    team = InProcessTeam(scenario)
     team.run()
     return team.world.referee.hash
 

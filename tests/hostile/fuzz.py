@@ -17,7 +17,7 @@ from typing import Any
 import msgpack
 import numpy as np
 
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from tests.hostile.examples import RICH
@@ -146,7 +146,7 @@ def token(rng: np.random.Generator) -> Envelope:
 def run(seed: int, count: int, joint: bool) -> Counter[str]:
     """One run of a team to which so many messages are sent; what its services counted. AssertionError: what does not hold."""
     rng = np.random.default_rng([seed, joint])
-    team, newest, left = Team(JOINT if joint else SCENARIO), dict[str, bytes](), count
+    team, newest, left = InProcessTeam(JOINT if joint else SCENARIO), dict[str, bytes](), count
     per_message = count / 150  # that the team sends itself
     owed = 0.0
 

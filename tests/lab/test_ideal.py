@@ -12,7 +12,7 @@ from blackboard.lab.cases import Case
 from blackboard.lab.estimates import RuleScores
 from blackboard.lab.ideal import ideal, ideal_beliefs
 from blackboard.lab.parallel import Beside, judge_team
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases, variant
 from blackboard.opinion.belief import uniform
 from blackboard.opinion.gaussian.vehicle import HEADING
@@ -166,7 +166,7 @@ def test_the_agreed_beliefs_are_those_that_the_referee_scored() -> None:
     score = Score()
     for name in wanted:
         score.add(beliefs[name], truths[name])
-    card = Team(scenario).run()["scores"]["robots"]["agreed"]
+    card = InProcessTeam(scenario).run()["scores"]["robots"]["agreed"]
     assert (card["n"], card["rmse"]) == (len(wanted), pytest.approx(score.summary()["rmse"]))
     assert card["log_score"] == pytest.approx(score.summary()["log_score"])
 

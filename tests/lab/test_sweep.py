@@ -17,7 +17,7 @@ from blackboard.lab import __main__ as room
 from blackboard.lab import parallel, sweep
 from blackboard.lab.sweep_plan import label, parse_seeds, plan
 from blackboard.lab.sweep_report import TRACKED, report, rows, text
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.run.door import version
 from tests.commands import call
 from tests.files import ROOT
@@ -187,7 +187,7 @@ def test_the_table_has_a_column_for_each_setting(tmp_path: Path) -> None:
 def test_a_run_is_the_team_of_its_scenario() -> None:
     (job,) = plan(TINY, [5], [])
     finished = sweep.run_one(job.key, job.scenario)
-    expected = Team(TINY.changed("world", seed=5)).run()
+    expected = InProcessTeam(TINY.changed("world", seed=5)).run()
     assert finished["card"]["hash"] == expected["hash"]
     assert finished["card"]["scores"] == expected["scores"]
     assert finished["card"]["cpu_s"] > 0

@@ -7,7 +7,7 @@ import pytest
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
 from blackboard.errors import RunFailed, UserError
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.net.scheduler import BEGIN
 from blackboard.opinion.gaussian.once import settle_alone
 from blackboard.wire.codec import decode
@@ -18,7 +18,7 @@ from tests.sim_world.datasets import write
 
 
 def test_a_run_gives_the_scorecard_with_what_everybody_sent_and_received() -> None:
-    team = Team(SCENARIO)
+    team = InProcessTeam(SCENARIO)
     envelopes: list[Envelope] = []
     team.bus.spies.append(envelopes.append)
     card = team.run()
@@ -40,7 +40,7 @@ def test_a_run_gives_the_scorecard_with_what_everybody_sent_and_received() -> No
     ],
 )
 def test_what_is_heard_in_one_process_is_what_the_bytes_say(scenario: Scenario) -> None:
-    team = Team(scenario)
+    team = InProcessTeam(scenario)
     envelopes: list[Envelope] = []
     team.bus.spies.append(envelopes.append)
     team.run()
@@ -50,25 +50,25 @@ def test_what_is_heard_in_one_process_is_what_the_bytes_say(scenario: Scenario) 
 
 
 def test_boards_that_are_settled_once_say_what_each_says_alone() -> None:
-    assert Team(JOINT).run()["hash"] == Team(JOINT, settle=settle_alone).run()["hash"]
+    assert InProcessTeam(JOINT).run()["hash"] == InProcessTeam(JOINT, settle=settle_alone).run()["hash"]
 
 
 def test_time_moves_only_while_nothing_is_left_to_deliver() -> None:
-    team = Team(SCENARIO)
+    team = InProcessTeam(SCENARIO)
     assert team.now == BEGIN
     team.run_until(lambda: team.world.done)
     assert team.now - BEGIN < 1.0  # in lockstep nobody waits: everybody answers at once
 
 
 def test_what_never_comes_about_is_given_up_after_its_seconds() -> None:
-    team = Team(SCENARIO)
+    team = InProcessTeam(SCENARIO)
     with pytest.raises(RunFailed, match="has not ended"):
         team.run_until(lambda: False, seconds=20.0)
     assert team.now < BEGIN + 21.0
 
 
 def test_who_leaves_hears_nothing_more_and_may_come_back() -> None:
-    team = Team(SCENARIO)
+    team = InProcessTeam(SCENARIO)
     left = team.boards["b"]
     team.run_until(lambda: team.world.tick == 2)
     team.leave(left)
@@ -93,10 +93,10 @@ def test_a_recorded_team_runs_too(tmp_path: Path) -> None:
             "grid": grid,
         }
     )
-    card = Team(scenario).run()
+    card = InProcessTeam(scenario).run()
     assert (card["unit"], card["ticks"]) == ("m", 3)
 
 
 def test_a_mistake_in_a_scenario_is_a_user_error() -> None:
     with pytest.raises(UserError, match="robot.localizer"):
-        Team(Scenario({"robot": {"localizer": "gps"}}))
+        InProcessTeam(Scenario({"robot": {"localizer": "gps"}}))

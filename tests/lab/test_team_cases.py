@@ -7,7 +7,7 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.lab.cases import Case
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.lab.team_cases import first_hand_cases, variant
 from blackboard.lab.team_size import TeamSizeScores, score_sizes
 from blackboard.opinion.averages import Logarithmic
@@ -25,7 +25,7 @@ GRID = Grid((20, 20))
 
 def test_it_gives_the_first_hand_beliefs_of_a_real_team() -> None:
     """The same scenario with boards, feedback and the wire: what the robots report is what the cases have."""
-    team = Team(SCENARIO)
+    team = InProcessTeam(SCENARIO)
     heard = Heard(team.bus)
     team.run()
     reported = {(said.time, said.subject, said.source): said for said in heard.of(keys.REPORT)}

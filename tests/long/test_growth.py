@@ -6,7 +6,7 @@ from operator import and_, or_
 
 import pytest
 
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from tests.holdings import grown, holdings
 from tests.scenarios import JOINT, SCENARIO
 
@@ -15,7 +15,7 @@ TICKS = 80  # by then windows, histories and caches are full
 LOOKS = 4
 
 
-def held(team: Team, tick: int) -> list[Counter[str]]:
+def held(team: InProcessTeam, tick: int) -> list[Counter[str]]:
     """What all services hold at some ticks from this one on, those of a kind together."""
     looks = []
     for k in range(LOOKS):
@@ -34,7 +34,7 @@ def test_what_a_team_holds_does_not_grow(fusion: str, monkeypatch: pytest.Monkey
     monkeypatch.setattr("blackboard.judge.distances.KEPT", 20)  # what is reached in a long run is reached in this one
     monkeypatch.setattr("blackboard.judge.calibration.MOST", 3)
     scenario = SCENARIO if fusion == "opinions" else JOINT
-    team = Team(scenario.changed("time", seconds=TICKS * 2.0))
+    team = InProcessTeam(scenario.changed("time", seconds=TICKS * 2.0))
     most = reduce(or_, held(team, TICKS))
     least = reduce(and_, held(team, 2 * TICKS))
     more = {path: counts for path, counts in grown(most, least).items() if counts[1] > 1.1 * counts[0]}

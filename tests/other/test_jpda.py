@@ -8,7 +8,7 @@ import pytest
 from blackboard.config import Scenario
 from blackboard.config.world import WorldSection
 from blackboard.judge.tracks import TrackAt, TrackJudge
-from blackboard.lab.team import Team, played
+from blackboard.lab.team import InProcessTeam, played
 from tests.files import ROOT
 
 pytest.importorskip("stonesoup", reason="no Stone Soup: pip install '.[jpda]'")
@@ -44,7 +44,7 @@ def centralised(scenario: Scenario) -> dict[str, Any]:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_team_follows_people_about_as_well_as_one_computer_that_knows_where_all_robots_are(seed: int) -> None:
-    team, central = Team(people(seed)).run()["tracks"]["person"], centralised(people(seed))
+    team, central = InProcessTeam(people(seed)).run()["tracks"]["person"], centralised(people(seed))
     assert team["gospa"] <= 1.1 * central["gospa"]
     assert team["switches"] <= central["switches"]
     assert team["false"] <= central["false"]

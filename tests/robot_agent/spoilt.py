@@ -17,7 +17,7 @@ import numpy as np
 
 from blackboard.config import Scenario, load
 from blackboard.judge.samples import Sample, held_by, rms_error
-from blackboard.lab.team import Team, played
+from blackboard.lab.team import InProcessTeam, played
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.run.flags import RecordingFlags
@@ -185,7 +185,7 @@ def demos(seeds: Iterable[int], seconds: float) -> "Iterable[tuple[str, Judged, 
             if name == "wrong":
                 chosen = _wrong(chosen, np.random.default_rng(seed))
             samples: list[Sample] = []
-            Team(chosen, record=samples.append).run()
+            InProcessTeam(chosen, record=samples.append).run()
             for sample in samples:
                 if (
                     sample.level == "agreed"

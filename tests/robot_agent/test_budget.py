@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from blackboard.board.service import board_of
 from blackboard.judge.traffic import Traffic
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint
@@ -202,7 +202,7 @@ class Run(NamedTuple):
 def run(fusion: str, budget: float | None = None, again: int = 0) -> Run:
     """A run without limits, or with a budget; `again` is another one that has to be the same."""
     scenario = LONGER.changed("board", fusion=fusion)
-    team = Team(scenario if budget is None else scenario.changed("robot", send={"budget": budget}))
+    team = InProcessTeam(scenario if budget is None else scenario.changed("robot", send={"budget": budget}))
     heard = Heard(team.bus)
     card = team.run()
     assert team.world.why == ""
@@ -305,7 +305,7 @@ def test_a_whole_state_is_repeated_rarely_until_a_board_needs_one() -> None:
 def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
     scenario = LONGER.changed("board", fusion="joint").changed("robot", send={"budget": 700.0})
     scenario = scenario.changed("time", seconds=12.0)
-    team = Team(scenario)
+    team = InProcessTeam(scenario)
     known = list[tuple[float, bool]]()
 
     def spy(envelope: Envelope) -> None:
@@ -333,7 +333,7 @@ def test_a_robot_enters_the_joint_of_a_board_that_was_started_again() -> None:
 
 
 def test_most_statuses_leave_out_what_only_operators_read_and_those_keep_it() -> None:
-    team = Team(LONGER.changed("robot", send={"budget": 700.0}))
+    team = InProcessTeam(LONGER.changed("robot", send={"budget": 700.0}))
     heard, fold, tallied = Heard(team.bus), Fold(), Traffic()
     team.bus.spies.append(lambda envelope: fold.hear_envelope(envelope, team.now))
     team.run()

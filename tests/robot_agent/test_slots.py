@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.errors import UserError
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.opinion.gaussian.relation import measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire import keys
@@ -119,7 +119,7 @@ def test_a_sighting_is_told_once() -> None:
 
 
 def test_a_team_says_no_more_than_its_rate_in_datagrams_and_knows_where_all_are() -> None:
-    team = Team(RATED)
+    team = InProcessTeam(RATED)
     sizes, agreed = list[int](), set[tuple[str, str]]()
 
     def spy(envelope: Envelope) -> None:
@@ -138,7 +138,7 @@ def test_a_team_says_no_more_than_its_rate_in_datagrams_and_knows_where_all_are(
 
 
 def test_where_boards_pool_opinions_all_subjects_have_their_turn() -> None:
-    team, subjects = Team(RATED.changed("board", fusion="opinions").changed("time", seconds=8.0)), list[str]()
+    team, subjects = InProcessTeam(RATED.changed("board", fusion="opinions").changed("time", seconds=8.0)), list[str]()
     team.bus.spies.append(
         lambda envelope: subjects.extend(
             parts["subject"] for parts in [keys.REPORT.match(envelope.key)] if parts and parts["source"] == "r1"

@@ -7,7 +7,7 @@ import pytest
 
 from blackboard.config.pyfg import FactorGraph, read_graph
 from blackboard.errors import UserError
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.run.flags import RecordingFlags
 from sim_world.pyfg import GraphReplay
 from sim_world.sources import open_sensor_source, replayed_from
@@ -146,7 +146,7 @@ def test_a_team_that_measures_ranges_alone_finds_where_it_is(file: Path, tmp_pat
     if off:
         spoilt(file, tmp_path / "spoilt.pyfg", 3)
         file = tmp_path / "spoilt.pyfg"
-    card = Team(RecordingFlags(pyfg=str(file)).scenario().changed("time", tick=0.5, seconds=20.0)).run()
+    card = InProcessTeam(RecordingFlags(pyfg=str(file)).scenario().changed("time", tick=0.5, seconds=20.0)).run()
     robots = card["scores"]["robots"]
     assert robots["agreed"]["rmse"] < 0.35
     assert robots["agreed"]["coverage"]["95"] > 0.8

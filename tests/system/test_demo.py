@@ -9,7 +9,7 @@ import pytest
 
 from blackboard.config import load
 from blackboard.errors import UserError
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.run.door import INTERRUPTED
 from blackboard.run.flags import TeamFlags
 from tests.commands import blackboard, call
@@ -31,7 +31,7 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Pat
     assert scores["robots"]["agreed"]["n"] == 2 * 10
     assert card["messages"]["refused"] == {}
     assert run.returncode == (0 if card["verdict"] == "PASS" else 1)
-    in_one_process = Team(
+    in_one_process = InProcessTeam(
         TeamFlags(robots=2).apply(load("demo")).changed("world", seed=7).changed("time", seconds=2.0)
     ).run()
     assert in_one_process["hash"] == card["hash"]

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from blackboard.config import load
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
@@ -61,7 +61,7 @@ def disturbed(disturb: Callable[[Link, Program], None], folder: Path) -> dict[st
 @cache
 def undisturbed() -> str:
     """The hash of the same run in one process, without a network."""
-    undisturbed_hash: str = Team(DEMO).run()["hash"]
+    undisturbed_hash: str = InProcessTeam(DEMO).run()["hash"]
     return undisturbed_hash
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from blackboard.board.service import board_of
 from blackboard.config import Scenario
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.net.scheduler import AT_ONCE
 from blackboard.process.service import Service
 from blackboard.tape.content import Tape, load_tape
@@ -20,7 +20,7 @@ from tests.scenarios import SCENARIO
 SMALL = SCENARIO.changed("grid", shape=[14, 14]).changed("time", seconds=2.0)  # 5 ticks, from 0 to 4
 
 
-class RecordedTeam(Team):
+class RecordedTeam(InProcessTeam):
     """A team whose boards keep journals and whose messages go onto a tape."""
 
     def __init__(self, scenario: Scenario = SMALL) -> None:

@@ -5,7 +5,7 @@ from functools import cache
 from typing import Any
 
 from blackboard.config import Scenario
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.process.service import Service
 from blackboard.state.fold import Fold
 from blackboard.state.team import TeamFold
@@ -35,7 +35,7 @@ def recorded(joint: bool = False) -> tuple[tuple[Envelope, float], ...]:
 
 
 def record(scenario: Scenario) -> list[tuple[Envelope, float]]:
-    team = Team(scenario)
+    team = InProcessTeam(scenario)
     services: list[Service] = [*team.boards.values(), *team.robots.values(), team.world]
     envelopes = [(Envelope(token, kind=Kind.ALIVE), team.now) for service in services for token in service.tokens]
     team.bus.spies.append(lambda envelope: envelopes.append((envelope, team.now)))

@@ -13,7 +13,7 @@ from blackboard.chaos.lies.changes import Scene
 from blackboard.chaos.lies.liar import Liar
 from blackboard.config import Scenario
 from blackboard.judge.samples import Keep, Sample
-from blackboard.lab.team import Team
+from blackboard.lab.team import InProcessTeam
 from blackboard.process.service import Service
 from blackboard.run.logs import quiet
 from blackboard.wire import keys
@@ -47,7 +47,9 @@ def span(scenario: Scenario, lie: Lie) -> tuple[float, float]:
     return lie.start * scenario.time.seconds, lie.end * scenario.time.seconds
 
 
-def lying_team(scenario: Scenario, lie: Lie | None, rng: np.random.Generator, record: Keep | None = None) -> Team:
+def lying_team(
+    scenario: Scenario, lie: Lie | None, rng: np.random.Generator, record: Keep | None = None
+) -> InProcessTeam:
     """A team in lockstep with its liars; guests are not yet there. `record` is given every sample that counts."""
     liars = [] if lie is None else [*liars_of(scenario, lie.liars), *guests_of(lie.guests)]
     mates = sorted(set(scenario.team.robots) - set(liars))
@@ -57,10 +59,10 @@ def lying_team(scenario: Scenario, lie: Lie | None, rng: np.random.Generator, re
             return service
         return Liar(service, Scene(name, scenario.grid, mates, rng), lie, *span(scenario, lie))
 
-    return Team(scenario.changed("time", mode="lockstep"), around=lying, record=record)
+    return InProcessTeam(scenario.changed("time", mode="lockstep"), around=lying, record=record)
 
 
-def run_lie(team: Team, lie: Lie | None) -> None:
+def run_lie(team: InProcessTeam, lie: Lie | None) -> None:
     """Run a team to its end; guests join the first sub-team when their lie begins. RunFailed: the run did not end."""
     time = team.scenario.time
     if lie is not None and lie.guests:
