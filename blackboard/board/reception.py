@@ -82,7 +82,7 @@ class Reception:
                 yield f"robot/{robot}"
         joint = self.board.joint
         for board in self.participants.boards() or () if fact == "consensuses" else ():
-            has_forwarded = joint is None or joint.has_heard(board, tick)
+            has_forwarded = joint is None or joint.others.has_heard(board, tick)
             name = "/".join(("board", *board))
             if not (has_forwarded and self._consensuses.complete(board, tick)) and name not in self._in_vain:
                 yield name
@@ -146,7 +146,7 @@ class Reception:
         if sub_team == self.sub_team:  # of a twin, which hears the same robots
             self.participants.check_twin(forward.board)
             self.board.check_time(forward.time, self.clock.time(now))
-            self.board.joint.hear_tracks(forward)
+            self.board.joint.others.hear_tracks(forward)
             return
         self.participants.check_board(sub_team, forward.board)
         forward = self.clocks.on_time(f"{sub_team}/{forward.board}", forward, now)
@@ -223,4 +223,4 @@ class Reception:
             self._consensuses.record_list(board, status.tick, status.subjects)
             self.board.withdraw_consensuses(sub_team, status.tick, status.subjects)
             if self.board.joint is not None and known:
-                self.board.joint.expect(board, status.settings.get("fusion") == "joint")
+                self.board.joint.others.expect(board, status.settings.get("fusion") == "joint")

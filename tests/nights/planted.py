@@ -106,12 +106,12 @@ BUGS = {
     "ancestors": Bug(
         "a joint does not name one of the robots that it rests on",
         DESK,
-        "return {name: self._until[name] for name in sorted(self._until) if",
-        "return {name: self._until[name] for name in sorted(self._until)[:-1] if",
+        "return {name: until[name] for name in sorted(until) if",
+        "return {name: until[name] for name in sorted(until)[:-1] if",
     ),
     "twice": Bug(
         "evidence that comes a second time counts a second time",
-        DESK,
+        "blackboard/board/joint/queue.py",
         "tick <= taken.get(packed.epoch, -1)",
         "tick < taken.get(packed.epoch, -1)",
     ),

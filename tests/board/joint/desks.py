@@ -7,6 +7,7 @@ import numpy as np
 
 from blackboard.board.joint.desk import JointDesk
 from blackboard.config import BoardSection
+from blackboard.opinion.ageing import Ageing
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, entering
 from blackboard.opinion.grid import Grid
@@ -20,7 +21,8 @@ MAKE = partial(Consensus, board="board-a", sub_team="a", level="agreed", tick=0,
 
 
 def new_desk(**settings: object) -> JointDesk:
-    return JointDesk(GRID, BoardSection.model_validate({"fusion": "joint", **settings}), Counter())
+    chosen = BoardSection.model_validate({"fusion": "joint", **settings})
+    return JointDesk(GRID, chosen, Counter(), Ageing(chosen.drift, GRID))
 
 
 def at(x: float, y: float, *, travelled: float = 0.0, sees: PackedRelative | None = None) -> PackedEvidence:

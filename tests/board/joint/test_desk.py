@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from blackboard.board.joint.desk import MAX_OBJECTS, MAX_ROBOTS, MAX_WAITING
+from blackboard.board.joint.queue import MAX_ROBOTS, MAX_WAITING
+from blackboard.board.joint.room import MAX_OBJECTS
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.state import MAX_ERRORS
 from blackboard.opinion.gaussian.vehicle import STATES
@@ -77,7 +78,7 @@ def test_the_same_evidence_counts_once_whoever_passes_it_on() -> None:
             echoed.take_evidence("r1", tick, 0.2 * tick, evidence, own=True)
         forward = Forward(board="b", sub_team="b", tick=tick, time=0.2 * tick, evidence=plain.forward(0.2 * tick))
         echoed.hear_forward(forward)
-        assert echoed.has_heard(("b", "b"), tick)
+        assert echoed.others.has_heard(("b", "b"), tick)
         assert plain.settle(0.2 * tick, MAKE) == echoed.settle(0.2 * tick, MAKE)
     echoed.take_evidence("r1", 1, 0.8, at(3, 3), own=False)
     assert means(plain.settle(0.8, MAKE)) == means(echoed.settle(0.8, MAKE))
@@ -182,7 +183,7 @@ def test_an_object_that_ranges_leave_in_two_places_is_agreed_to_be_in_one_of_the
 
 def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     desk = new_desk()
-    monkeypatch.setattr("blackboard.board.joint.desk.MAX_OBJECTS", 6)
+    monkeypatch.setattr("blackboard.board.joint.room.MAX_OBJECTS", 6)
     for tick in range(16):
         desk.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sighting(f"object/o{tick}", 5.0)), own=True)
         consensuses = desk.settle(0.2 * tick, MAKE)
@@ -209,7 +210,7 @@ def test_what_a_greedy_robot_invents_leaves_room_for_what_others_see_and_its_new
 
 def test_an_object_that_nobody_has_seen_for_long_makes_room(monkeypatch: pytest.MonkeyPatch) -> None:
     desk = new_desk()
-    monkeypatch.setattr("blackboard.board.joint.desk.MAX_OBJECTS", 1)
+    monkeypatch.setattr("blackboard.board.joint.room.MAX_OBJECTS", 1)
     for tick, name in enumerate(["object/first", "object/second"]):
         time = tick * (desk.team.objects.kept + 1)
         desk.take_evidence("r1", tick, time, at(10, 10, sees=sighting(name, 5.0)), own=True)
