@@ -22,11 +22,9 @@ from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.linearising import linearise
 from blackboard.opinion.gaussian.relation import Relative, forget_biases
-from blackboard.opinion.gaussian.rings import LEAST, SURE, Line, Ring
 from blackboard.opinion.gaussian.vehicle import (
     ANYWHERE,
     AXES,
-    BEARING,
     CURVED_TURN,
     FLAT,
     HEADING,
@@ -48,17 +46,18 @@ from robot_agent.gaussian.jitter import Jitter
 from robot_agent.gaussian.landmarks import Landmarks, Named, blurred
 from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
+from robot_agent.gaussian.search import PlaceSearch
 from robot_agent.gaussian.sensors import Sensors
+from robot_agent.gaussian.unsent import Unsent
 from robot_agent.sensing import unseen
 
-Seen = list[tuple[Relative, Array]]  # sightings of landmarks with their places
+Seen = list[tuple[Relative, Array]]  # sightings of landmarks, or of other known points, with their places
 
 LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
 FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
 #: Squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there.
 NEAR, ABSURD = (30.0, 1e4)
-SEARCHING = 0.05  # unit / sqrt(s): by which odometry errs while ranges and bearings alone are gathered
 LARGEST = 1e7  # of a place (unit) and of its variances: boards refuse more
 STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
 
@@ -93,18 +92,14 @@ class FirstHand:
     joint: Joint = field(default_factory=Joint)
     travelled: Motion = field(default_factory=Motion)
     _last: Readings | None = None
-    #: The robot's block as predicted for this tick from what was sent: without this tick's evidence and any that was not sent.
-    _before: Moments | None = None
-    #: `_before` as a joint, which the next motion moves on; None if the newest evidence was sent.
-    _unsent: Joint | None = None
     #: Whether the heading is not known from own readings yet. The mean is then the team's: only a place to linearise at.
     _is_lent: bool = False
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
     #: Sightings and those beyond the gate, of the last ticks.
     _misses: list[tuple[int, int]] = field(default_factory=list)
-    _ring: Ring | None = None  # what ranges and bearings alone say of a place that is not known
-    _ring_at: Array = field(default_factory=lambda: np.zeros(2))  # the mean of the place that is not known, then
+    _unsent: Unsent = field(init=False)
+    _search: PlaceSearch = field(init=False)
     wheels: WheelNoise = field(init=False)
     mishaps: Mishaps = field(init=False)
     camera: CameraNoise = field(default_factory=CameraNoise)
@@ -113,6 +108,7 @@ class FirstHand:
     absolute: AbsoluteSensors = field(init=False)
 
     def __post_init__(self) -> None:
+        self._unsent, self._search = Unsent(self.robot), PlaceSearch(self.robot)
         self.landmarks = Landmarks(self.sensors.landmarks, self.sensors.camera.together)
         self.wheels = WheelNoise(self.robot, self.sensors.wheels.nuisance, self.sensors.wheels.given)
         self.mishaps = Mishaps(self.robot, self.sensors.wheels.nuisance)
@@ -133,62 +129,76 @@ class FirstHand:
 
         The filter linearises there, and judges by it how large the error along the way is.
         """
-        if self.epoch < 0:
-            self.restart(readings.time)
-        if self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None:
+        strayed = self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None
+        if self.epoch < 0 or strayed:
             self.restart(readings.time)
         self._judge_wheels(at)
-        motion, named, told = self._move(readings), Named(readings), readings
+        motion = self._move(readings)
         moved = None if at is None or not self.known else self._team_moved(at, motion)
         self._lend(moved)
-        if self.known:
-            plausible = moved is not None and self._is_plausible(moved.moments(self.robot))
-            expected = moved if moved is not None and plausible else self.joint  # by whom to recognise landmarks
-            named = self.landmarks.named(readings, self.robot, expected, motion, self._seen(motion.dt))
-            readings = named.readings
-        newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age) if not is_class(s.subject)}
-        relatives = self._relatives(newest, motion.dt, named.blurs)
-        places = {name: s.landmark for name, s in newest.items() if s.landmark is not None}
-        further = [sighting for sighting in readings.seen if sighting.is_known and not is_class(sighting.subject)]
-        seen_landmarks = [(relatives[name], np.array(place)) for name, place in sorted(places.items())]
-        seen_landmarks += [
-            (self.sensors.relative(self.robot, sighting), np.array(sighting.landmark))
-            for sighting in further
-            if sighting.landmark
-        ]
-        places_told = partial(self._places_told, seen_landmarks, readings.fix)
-        if self.known and (noise := self.mishaps.judge(self.joint, places_told, motion)) is not None:
-            motion = motion.plus(noise)
-            self._drive(noise)
+        named = self._named(readings, moved, motion)
+        landmarks, others = self._sightings(named, motion.dt)
+        motion = self._with_mishaps(motion, landmarks, readings.fix)
         prediction = self.belief
-        self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
+        self._unsent.predict(prediction)
         team = None if moved is None else moved.mean
         apart = math.inf if team is None else self._squared(team)
-        # a place far from the own belief would make any sighting contradict it; and where no heading was ever known, two sightings of
-        # one landmark would seem to tell it, if they were linearised elsewhere than the motion between
+        # A place far from the own belief would make any sighting contradict it. Where no heading was ever known, two sightings of one
+        # landmark would seem to tell it, if they were linearised elsewhere than the motion between.
         linear = team if apart <= NEAR and not self._is_lent else None
+        self._take(readings, landmarks, motion, linear, named)
+        increment, unsent = self._gained(prediction), self._gained(self._unsent.before)
+        others += self._unnamed(readings, motion.dt)
+        if self._gave_up(readings, team, apart):
+            increment = unsent = None
+        camera = self.camera.found(self.sensors.camera)
+        return FilterResult(self.epoch, self.travelled, self.belief, increment, others, motion, unsent, camera)
+
+    def _named(self, readings: Readings, team: Joint | None, motion: Motion) -> Named:
+        """Recognise landmarks by where the team, if it is plausible, or else the own belief has the robot."""
+        if not self.known:
+            return Named(readings)
+        plausible = team is not None and self._is_plausible(team.moments(self.robot))
+        expected = team if team is not None and plausible else self.joint
+        return self.landmarks.named(readings, self.robot, expected, motion, self._seen(motion.dt))
+
+    def _sightings(self, named: Named, dt: float) -> tuple[Seen, tuple[Relative, ...]]:
+        """The sightings of a tick of `dt` seconds that say what they are of: of landmarks, and of all else."""
+        readings = named.readings
+        newest = {s.subject: s for s in sorted(readings.sightings, key=lambda s: -s.age) if not is_class(s.subject)}
+        relatives = self._relatives(newest, dt, named.blurs)
+        told = [(relative, newest[name].landmark) for name, relative in relatives.items()]
+        told += [
+            (self.sensors.relative(self.robot, sighting), sighting.landmark)
+            for sighting in readings.seen
+            if sighting.is_known and not is_class(sighting.subject)
+        ]
+        landmarks = [(relative, np.array(place)) for relative, place in told if place is not None]
+        return landmarks, tuple(relative for relative, place in told if place is None)
+
+    def _with_mishaps(self, motion: Motion, landmarks: Seen, fix: Fix | None) -> Motion:
+        """The motion of a tick with the noise of wheels that turned while the robot stood."""
+        told = partial(self._places_told, landmarks, fix)
+        if self.known and (noise := self.mishaps.judge(self.joint, told, motion)) is not None:
+            self._drive(noise)
+            return motion.plus(noise)
+        return motion
+
+    def _take(self, readings: Readings, landmarks: Seen, motion: Motion, linear: Array | None, named: Named) -> None:
+        """Take the fix, the compass and the landmarks of a tick, or begin with what they say."""
         if not self.known:
             self._start(readings)
-        elif self.absolute.take(self.joint, readings, self.sensors.compass) and not seen_landmarks:
+        elif self.absolute.take(self.joint, readings, self.sensors.compass) and not landmarks:
             self.mishaps.fitted(self.joint.moments(self.robot))
         if self.absolute.doubtful:
             self.wheels.doubt()
         if self.known:
-            self._sight(seen_landmarks, motion, linear, readings.time, named)
-        increment = None
-        if prediction is not None and self.belief is not None:
-            increment = gained(prediction, self.belief)
-        unsent = increment
-        if self._unsent is not None and self._before is not None and self.belief is not None:
-            unsent = gained(self._before, self.belief)
-        self._unsent = None
-        seen = tuple(r for name, r in relatives.items() if name not in places)
-        seen += tuple(self.sensors.relative(self.robot, sighting) for sighting in further if not sighting.landmark)
-        seen += self._unnamed(told, motion.dt)
-        if self._gave_up(readings, team, apart):
-            increment = unsent = None
-        camera = self.camera.found(self.sensors.camera)
-        return FilterResult(self.epoch, self.travelled, self.belief, increment, seen, motion, unsent, camera)
+            self._sight(landmarks, motion, linear, readings.time, named)
+
+    def _gained(self, before: Moments | None) -> Increment | None:
+        """What this tick has told over what was known before it."""
+        after = self.belief
+        return None if before is None or after is None else gained(before, after)
 
     def _unnamed(self, told: Readings, dt: float) -> tuple[Relative, ...]:
         """The sightings of a tick of `dt` seconds that name a class alone, numbered among all without a name."""
@@ -209,7 +219,7 @@ class FirstHand:
         if not contradicted and not self.lost():
             return False
         self.mishaps.moved = 1.0
-        self._before = None
+        self._unsent.forget()
         if contradicted:
             self._reopen(self._as_told(readings))
             return True
@@ -264,9 +274,8 @@ class FirstHand:
 
     def silent(self) -> None:
         """The evidence of the newest tick was not sent: what is gained in the next one is gained over what was known before it."""
-        if self._before is not None and self.known:
-            self._unsent = Joint()
-            self._unsent.add(self.robot, self._before)
+        if self.known:
+            self._unsent.silent()
 
     # --- lost and found -------------------------------------------------------------------------------------------------
 
@@ -285,7 +294,8 @@ class FirstHand:
         self.epoch = max(self.epoch + 1, round(1000 * time))
         self.joint, self.travelled, self._last = Joint(), Motion(), None
         self._groups, self._misses = {}, []
-        self._before = self._unsent = self._ring = None
+        self._unsent.forget()
+        self._search.forget()
         self.wheels.give_up()
         self.mishaps.forget()
         self.absolute.forget()
@@ -353,10 +363,13 @@ class FirstHand:
     def _drive(self, motion: Motion) -> None:
         """Move all that is believed."""
         self.travelled = self.travelled.plus(motion)
-        for joint in (self.joint if self.known else None, self._unsent):
-            if joint is not None:
-                drive(joint, self.robot, motion, self.sensors.wheels.nuisance)
+        for joint in self._joints():
+            drive(joint, self.robot, motion, self.sensors.wheels.nuisance)
         self.absolute.move(motion)
+
+    def _joints(self) -> list[Joint]:
+        """The belief, and the one without what was not sent, as far as there are such."""
+        return [joint for joint in (self.joint if self.known else None, self._unsent.joint) if joint is not None]
 
     def _lend(self, team: Joint | None) -> None:
         """A belief that knows neither place nor heading takes the team's pose for its mean: what is gained is gained over it."""
@@ -364,13 +377,12 @@ class FirstHand:
             return
         covariance = self.joint.moments(self.robot).covariance
         self._is_lent = bool(covariance[HEADING, HEADING] > STRAYED**2)
-        if not self._is_lent or self._ring is not None or covariance[X, X] < FLAT / 2:
+        if not self._is_lent or self._search.is_on or covariance[X, X] < FLAT / 2:
             return
-        for joint in (self.joint, self._unsent):
-            if joint is not None:
-                mean = joint.moments(self.robot).mean.copy()
-                mean[POSE] = team.mean[POSE]
-                joint.move(self.robot, mean, np.eye(STATES), np.zeros((STATES, STATES)))
+        for joint in self._joints():
+            mean = joint.moments(self.robot).mean.copy()
+            mean[POSE] = team.mean[POSE]
+            joint.move(self.robot, mean, np.eye(STATES), np.zeros((STATES, STATES)))
 
     def _squared(self, at: Array) -> float:
         """The squared Mahalanobis distance of a pose from the own belief, whose variances count as at least 1."""
@@ -395,26 +407,6 @@ class FirstHand:
         if (pose := starting_pose(readings, self.sensors.compass)) is not None:
             self.enter(pose)
 
-    def _search(self, relative: Relative, place: Array) -> None:
-        """Ranges and bearings alone of known points: the place that they leave, once it is one, is taken as a fix."""
-        belief = self.joint.moments(self.robot)
-        if self._ring is None:
-            self._ring, self._ring_at = Ring(SEARCHING), belief.mean[AXES]
-        self._ring.move(belief.mean[AXES] - self._ring_at)
-        self._ring_at = belief.mean[AXES]
-        angle = float(belief.mean[HEADING] - belief.mean[BEARING]) + relative.bearing + math.pi
-        heading = float(belief.covariance[HEADING, HEADING] + belief.covariance[BEARING, BEARING])
-        is_range = relative.kind == "range"
-        lasting = sum(bias.sigma**2 for bias in relative.biases)
-        variance = relative.range_variance + lasting if is_range else relative.bearing_variance + heading
-        time = 0.0 if self._last is None else self._last.time
-        self._ring.add(Line(place, relative.range if is_range else angle, variance, LEAST, is_range, time))
-        places = self._ring.places()
-        if places and places[0].weight > SURE:
-            moments, rows = places[0].moments, np.eye(STATES)[AXES]
-            correct(self.joint, Factor(moments.mean - belief.mean[AXES], {self.robot: rows}, moments.covariance))
-            self._ring = None
-
     def _is_flat(self) -> bool:
         covariance = self.joint.moments(self.robot).covariance
         return bool(np.trace(covariance[AXES, AXES]) > KNOWN)
@@ -427,7 +419,7 @@ class FirstHand:
         missed = named.strange
         for relative, place in seen:
             if not relative.places and self._is_flat():
-                self._search(relative, place)
+                self._search.take(self.joint, relative, place, time)
                 continue
             factor = linearise(self.joint, relative, {self.robot: motion}, place, at)
             innovation = self.joint.innovation(factor)

@@ -14,7 +14,7 @@ import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, MEDIAN, quantile
 from blackboard.opinion.classes import is_class
-from blackboard.opinion.gaussian.increment import Increment, gained, likelihood
+from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Block, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import HEADING, POSE, Motion, Nuisance, drive, entering, wrap
 from blackboard.opinion.grid import Array
@@ -97,14 +97,13 @@ class Given(FirstHand):
         if given is not None and prediction is not None and _has_jumped(prediction, given):
             self.restart(readings.time)
             motion, prediction, self._last = Motion(), None, readings
-        self._before = prediction if self._unsent is None else self._unsent.moments(self.robot)
+        self._unsent.predict(prediction)
         if given is not None:
             self.joint = Joint()
             self.joint.add(self.robot, entering(given, Nuisance()))
         self.gain = self._gained(prediction)
         told_of = not self.independence.fed_back
-        increment, unsent = (self.gain, self._gained(self._before)) if told_of else (None, None)
-        self._unsent = None
+        increment, unsent = (self.gain, self._gained(self._unsent.before)) if told_of else (None, None)
         seen = [
             s
             for s in sorted(readings.sightings, key=lambda s: -s.age)
@@ -124,10 +123,7 @@ class Given(FirstHand):
         """A pose from a grid is of no use: the own filter knows better."""
 
     def _gained(self, before: Moments | None) -> Increment | None:
-        after = self.belief
-        if before is None or after is None or self._idle:
-            return None
-        return gained(before, after)
+        return None if self._idle else super()._gained(before)
 
     def _motion(self, readings: Readings, given: Moments | None) -> Motion:
         """Predict with the odometry. Its noise is the own filter's, as far as the caller or earlier posteriors have told it.
@@ -154,9 +150,8 @@ class Given(FirstHand):
                 if told.distance or told.turn or told.aside:
                     self._rates = along / told.dt, across / told.dt, heading / told.dt
         self.travelled = self.travelled.plus(motion)
-        for joint in (self.joint if self.known else None, self._unsent):
-            if joint is not None:
-                drive(joint, self.robot, motion, self.sensors.wheels.nuisance, bent=False)
+        for joint in self._joints():
+            drive(joint, self.robot, motion, self.sensors.wheels.nuisance, bent=False)
         return motion
 
     def _moved(self, motion: Motion) -> Moments:
