@@ -19,7 +19,8 @@ import numpy as np  # noqa: E402
 
 from blackboard.chaos.lies import changes  # noqa: E402
 from blackboard.chaos.lies.catalogue import Lie  # noqa: E402
-from blackboard.chaos.lies.changes import Change, Whom  # noqa: E402
+from blackboard.chaos.lies.changes import Change  # noqa: E402
+from blackboard.chaos.lies.scene import Whom  # noqa: E402
 from blackboard.chaos.lies.table import row  # noqa: E402
 from blackboard.chaos.lies.trial import try_lie  # noqa: E402
 from blackboard.config import Scenario, load  # noqa: E402

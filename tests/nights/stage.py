@@ -17,8 +17,8 @@ import numpy as np
 
 from blackboard.board.service import BoardService, board_of
 from blackboard.chaos.lies.catalogue import CATALOGUE
-from blackboard.chaos.lies.changes import Scene
 from blackboard.chaos.lies.liar import Liar
+from blackboard.chaos.lies.scene import Scene
 from blackboard.client.member import Member
 from blackboard.errors import Refused, RunFailed
 from blackboard.net.bus import intersects

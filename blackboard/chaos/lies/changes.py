@@ -7,87 +7,28 @@ Lengths are in the grid's unit, angles in radians, times in seconds of team time
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import ValidationError
 
-from blackboard.opinion.belief import Belief, gaussian
+from blackboard.chaos.lies.scene import Reports, Scene, Whom
+from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.relation import upper
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, wrap
-from blackboard.opinion.grid import Array, Grid
-from blackboard.wire.arrays import pack, unpack
+from blackboard.opinion.grid import Array
+from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import MAX_RELATIVES, PackedEvidence, PackedIncrement, PackedMotion, PackedRelative, Seen
 from blackboard.wire.falsified import displaced, narrowed, overconfident
 from blackboard.wire.gaussians import unpack_state
-from blackboard.wire.messages import Consensus, Informed, Report
+from blackboard.wire.messages import Informed, Report
 from blackboard.wire.types import LARGEST
 
-Whom = Literal["self", "mate", "mates", "object", "objects", "others", "all"]  # mate, object: the first one by name
 VAGUE = 15.0  # the sigma of a belief that hardly says anything
-
-
-@dataclass
-class Scene:
-    """What a liar knows when it lies."""
-
-    robot: str
-    grid: Grid
-    mates: Sequence[str]  # the honest robots of the scenario, sorted
-    rng: np.random.Generator
-    time: float = 0.0  # of the tick
-    since: float = 0.0  # seconds since its lie began
-    tick: int = 0
-    agreed: dict[str, Consensus] = field(default_factory=dict)  # subject -> the newest that it heard
-    past: list[dict[str, Report]] = field(default_factory=list)  # its honest reports since the lie began, by subject
-
-    def targets(self, whom: Whom) -> list[str]:
-        """The subjects that a lie is about, of those that the team has agreed on."""
-        own = f"robot/{self.robot}"
-        mates = [f"robot/{mate}" for mate in self.mates if f"robot/{mate}" in self.agreed]
-        objects = sorted(subject for subject in self.agreed if subject.startswith("object/"))
-        return {
-            "self": [own],
-            "mate": mates[:1],
-            "mates": mates,
-            "object": objects[:1],
-            "objects": objects,
-            "others": mates + objects,
-            "all": [own, *mates, *objects],
-        }[whom]
-
-    def place(self, subject: str) -> Array | None:
-        """Where the team has a subject, shape (2,)."""
-        agreed = self.agreed.get(subject)
-        if agreed is None:
-            return None
-        return np.array(agreed.state.mean[AXES]) if agreed.state is not None else self.belief(agreed).mean()
-
-    def belief(self, consensus: Consensus) -> Belief:
-        return unpack(consensus.belief, self.grid)
-
-    def pose(self, reports: Mapping[str, Report]) -> Array | None:
-        """Where it believes itself to be, and its heading: shape (3,); None without evidence."""
-        evidence = evidence_of(reports, self.robot)
-        return None if evidence is None or evidence.state is None else np.array(evidence.state.mean[: HEADING + 1])
-
-    def drawn(self, mean: Array, sigma: float) -> Belief:
-        """A Gaussian on the grid, at its border where the mean is outside."""
-        low = np.array(self.grid.origin)
-        high = low + np.array(self.grid.shape) * self.grid.cell
-        return gaussian(self.grid, [float(x) for x in np.clip(mean, low, high)], sigma)
-
-
-Reports = dict[str, Report]  # by subject
-
-
-def evidence_of(reports: Mapping[str, Report], robot: str) -> PackedEvidence | None:
-    own = reports.get(f"robot/{robot}")
-    return None if own is None else own.evidence
 
 
 class Change:
@@ -96,10 +37,8 @@ class Change:
     def apply(self, reports: Reports, scene: Scene) -> Reports:
         """The reports of a tick instead of the honest ones."""
         changed = {subject: self.report(report, scene) for subject, report in reports.items()}
-        own = f"robot/{scene.robot}"
-        if (evidence := evidence_of(changed, scene.robot)) is not None:
-            changed[own] = changed[own].model_copy(update={"evidence": self.evidence(evidence, scene)})
-        return changed
+        evidence = scene.evidence_in(changed)
+        return changed if evidence is None else _with_evidence(changed, scene, self.evidence(evidence, scene))
 
     def report(self, report: Report, scene: Scene) -> Report:
         """One report instead of another."""
@@ -165,10 +104,7 @@ class Sees(Change):
     def apply(self, reports: Reports, scene: Scene) -> Reports:
         pose, changed = scene.pose(reports), dict(reports)
         seen = {sighting.subject: sighting for sighting in _seen(reports, scene)}
-        for subject in scene.targets(self.whom):
-            place = scene.place(subject)
-            if place is None or subject == f"robot/{scene.robot}":
-                continue
+        for subject, place in _others(self.whom, scene).items():
             if self.always:
                 belief = scene.drawn(place + self.offset, self.sigma or 0.5)
                 changed[subject] = _about(subject, belief, reports, scene)
@@ -211,17 +147,15 @@ class Tells(Change):
         if evidence.state is None:
             return evidence
         told, state = [], np.array(evidence.state.mean)
-        subjects = [subject for subject in scene.targets(self.whom) if subject != f"robot/{scene.robot}"]
-        for number, subject in enumerate(subjects):
-            place, angle = scene.place(subject), math.tau * number / len(subjects) if self.apart else 0.0
-            if place is not None:
-                at = place + _turned(self.offset, angle) + self.noise * scene.rng.normal(size=2)
-                told.append(self._seen_at(state, subject, at))
+        others = _others(self.whom, scene)
+        for number, (subject, place) in enumerate(others.items()):
+            angle = math.tau * number / len(others) if self.apart else 0.0
+            at = place + _turned(self.offset, angle) + self.noise * scene.rng.normal(size=2)
+            told.append(self._seen_at(state, subject, at))
         return evidence.model_copy(update={"seen": told[:MAX_RELATIVES]})
 
     def _seen_at(self, state: Array, subject: str, place: Array) -> Seen:
-        x, y = place - state[AXES]
-        away, bearing = math.hypot(x, y), float(wrap(math.atan2(y, x) - state[HEADING]))
+        away, bearing = _line_of_sight(state, place)
         at = away * math.cos(bearing), away * math.sin(bearing)
         values = {"range": (away,), "bearing": (bearing,), "position": at, "pose": (*at, 0.0)}[self.kind]
         variances = [self.sigma**2] * len(values)
@@ -239,12 +173,10 @@ class Knows(Change):
     def apply(self, reports: Reports, scene: Scene) -> Reports:
         changed = dict(reports)
         everybody = dict.fromkeys(sorted({*scene.mates, scene.robot}), scene.time)
-        for subject in scene.targets(self.whom):
-            place = scene.place(subject)
-            if place is not None:
-                informed = Informed(belief=pack(scene.drawn(place + self.offset, self.sigma)), ancestors=everybody)
-                said = changed.get(subject) or _about(subject, scene.drawn(place, VAGUE), reports, scene)
-                changed[subject] = said.model_copy(update={"informed": informed})
+        for subject, place in scene.targets(self.whom).items():
+            informed = Informed(belief=pack(scene.drawn(place + self.offset, self.sigma)), ancestors=everybody)
+            said = changed.get(subject) or _about(subject, scene.drawn(place, VAGUE), reports, scene)
+            changed[subject] = said.model_copy(update={"informed": informed})
         return changed
 
 
@@ -262,7 +194,7 @@ class EchoesTeam(Change):
         return super().apply(changed, scene)
 
     def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
-        agreed = scene.agreed.get(f"robot/{scene.robot}")
+        agreed = scene.agreed.get(scene.own)
         if agreed is None or agreed.state is None:
             return evidence
         moments, matrix = unpack_state(agreed.state), np.zeros((STATES, STATES))
@@ -284,7 +216,7 @@ class Invents(Change):
 
     def apply(self, reports: Reports, scene: Scene) -> Reports:
         changed, turn = dict(reports), scene.tick if self.fresh else 0
-        near = scene.place(f"robot/{scene.robot}")
+        near = scene.place(scene.own) if scene.own in scene.agreed else None
         invented = []
         for number in range(self.count):
             subject, bearing = f"object/x{turn}-{number}", wrap(number * 2.4)
@@ -389,11 +321,10 @@ class Replays(Change):
                 {} if self.stamped else {"tick": scene.tick, "time": scene.time, "ancestors": {scene.robot: scene.time}}
             )
             changed[subject] = report.model_copy(update=now)
-        said, now_said = evidence_of(changed, scene.robot), evidence_of(reports, scene.robot)
+        said, now_said = scene.evidence_in(changed), scene.evidence_in(reports)
         if said is not None and now_said is not None and not self.stamped:
             kept = {"epoch": now_said.epoch, "travelled": now_said.travelled}  # whose sums may not shrink
-            own = f"robot/{scene.robot}"
-            changed[own] = changed[own].model_copy(update={"evidence": said.model_copy(update=kept)})
+            return _with_evidence(changed, scene, said.model_copy(update=kept))
         return changed
 
 
@@ -402,8 +333,13 @@ class Replays(Change):
 _STANDS = PackedMotion(distance=0.0, turn=0.0, time=0.0, moving=0.0, along=0.0, across=0.0, heading=0.0)
 
 
+def _others(whom: Whom, scene: Scene) -> dict[str, Array]:
+    """The subjects that a lie is about but the liar itself, and where the team has them."""
+    return {subject: place for subject, place in scene.targets(whom).items() if subject != scene.own}
+
+
 def _seen(reports: Reports, scene: Scene) -> list[PackedRelative]:
-    evidence = evidence_of(reports, scene.robot)
+    evidence = scene.evidence_in(reports)
     return [] if evidence is None else evidence.relatives
 
 
@@ -441,12 +377,17 @@ def _where(pose: Array, seen: PackedRelative) -> Array:
     return np.asarray(pose[AXES] + seen.range * np.array([math.cos(angle), math.sin(angle)]))
 
 
+def _line_of_sight(pose: Array, place: Array) -> tuple[float, float]:
+    """The range and the bearing of a place."""
+    x, y = place - pose[AXES]
+    return math.hypot(x, y), float(wrap(math.atan2(y, x) - pose[HEADING]))
+
+
 def _sighting(
     pose: Array, place: Array, subject: str, honest: PackedRelative | None, sigma: float | None
 ) -> PackedRelative:
     """What it would see of a subject at a place, with an honest sighting's variances or with others."""
-    x, y = place - pose[AXES]
-    distance, bearing = math.hypot(x, y), float(wrap(math.atan2(y, x) - pose[HEADING]))
+    distance, bearing = _line_of_sight(pose, place)
     if honest is not None and sigma is None:
         return honest.model_copy(update={"range": distance, "bearing": bearing})
     variance = 0.25 if sigma is None else sigma**2
@@ -456,11 +397,14 @@ def _sighting(
 
 
 def _with_relatives(reports: Reports, scene: Scene, relatives: list[PackedRelative]) -> Reports:
-    own, evidence = f"robot/{scene.robot}", evidence_of(reports, scene.robot)
+    evidence = scene.evidence_in(reports)
     if evidence is None:
         return reports
-    changed = evidence.model_copy(update={"relatives": relatives[:MAX_RELATIVES]})
-    return {**reports, own: reports[own].model_copy(update={"evidence": changed})}
+    return _with_evidence(reports, scene, evidence.model_copy(update={"relatives": relatives[:MAX_RELATIVES]}))
+
+
+def _with_evidence(reports: Reports, scene: Scene, evidence: PackedEvidence) -> Reports:
+    return {**reports, scene.own: reports[scene.own].model_copy(update={"evidence": evidence})}
 
 
 def _numbers(part: Any) -> list[Callable[[float], None]]:

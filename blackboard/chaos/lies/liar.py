@@ -6,7 +6,8 @@ What it sends in a tick is made once, so what is sent again is the same lie.
 from collections.abc import Sequence
 
 from blackboard.chaos.lies.catalogue import Lie
-from blackboard.chaos.lies.changes import Reports, Scene, WrongClock
+from blackboard.chaos.lies.changes import WrongClock
+from blackboard.chaos.lies.scene import Reports, Scene
 from blackboard.process.service import Around, Service
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blackboard.chaos.lies.catalogue import Lie
-from blackboard.chaos.lies.changes import Scene
 from blackboard.chaos.lies.liar import Liar
+from blackboard.chaos.lies.scene import Scene
 from blackboard.config import Scenario
 from blackboard.judge.samples import Keep, Sample
 from blackboard.lab.team import InProcessTeam
