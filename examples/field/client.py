@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from blackboard.client import Robot
-from examples.field.world import Said, World
+from examples.field.world import ROBOTS, Said, World
 
 HERE = Path(__file__).parent
 
@@ -71,7 +71,7 @@ def parser(about: str | None) -> argparse.ArgumentParser:
     arguments.add_argument("-e", "--connect", default="tcp/127.0.0.1:7447")
     arguments.add_argument("--seconds", type=float, default=30.0)
     arguments.add_argument("--seed", type=int, default=1)
-    arguments.add_argument("--robots", nargs="+", default=World.robots, choices=World.robots, help="play these alone")
+    arguments.add_argument("--robots", nargs="+", default=ROBOTS, choices=ROBOTS, help="play these alone")
     arguments.add_argument("--begin", type=float, default=0.0, help="Unix time at which programs of one world begin")
     return arguments
 

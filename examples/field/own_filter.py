@@ -18,8 +18,8 @@ FILTERS: dict[str, Central] = {}
 def tell(robot: Robot, said: Said, world: World) -> None:
     """The filter's posterior and the odometry since the last one; and the sightings."""
     name, truth = robot.robot, world.truth
-    own = FILTERS.setdefault(name, Central((name,), truth))
-    own.step({name: Said(said.distance, said.turn, said.dt, said.start, said.gps)})
+    own = FILTERS.setdefault(name, Central({name: truth}))
+    own.step({name: Said(said.distance, said.turn, said.dt, said.start, said.gps)}, said.dt)
     mean, covariance = own.of(f"robot/{name}")
     robot.belief(mean, covariance, (said.distance, said.turn, said.dt))
     for sighting in said.seen:

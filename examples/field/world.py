@@ -4,13 +4,17 @@ Metres, radians, seconds. Errors are drawn from the numbers of a `Truth`.
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 WIDTH, HEIGHT = 10.0, 8.0
 WALL = 0.5  # metres that a robot keeps from a wall
+ROBOTS = ("r1", "r2", "r3")
+BALL = "object/ball"
+
+Point = tuple[float, float] | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -53,23 +57,80 @@ class Said:
     seen: tuple[Seen, ...] = ()
 
 
-@dataclass
-class World:
+class Arena:
+    """Mutable: robots that drive from goal to goal, a ball, and what sensors measure of them."""
+
+    def __init__(
+        self, random: np.random.Generator, robots: Iterable[str], low: Point, high: Point, near: float = 0.5
+    ) -> None:
+        """Goals are between the corners `low` and `high`; a robot has reached one that is `near`."""
+        self.random, self.low, self.high, self.near = random, low, high, near
+        robots = tuple(robots)
+        self.poses = {r: np.array([*random.uniform(low, high), random.uniform(-3, 3)]) for r in robots}
+        self.goals = {r: random.uniform(low, high) for r in robots}
+        self.ball = np.zeros(2)
+
+    def start(self, robot: str, truth: Truth) -> tuple[float, float, float]:
+        """The pose that a robot is told to begin with."""
+        sigmas = truth.start, truth.start, truth.start_heading
+        x, y, heading = self.poses[robot] + self.random.normal(size=3) * sigmas
+        return float(x), float(y), float(heading)
+
+    def drive(
+        self, robot: str, truth: Truth, dt: float, speed: float = 0.5, turning: float = 1.0
+    ) -> tuple[float, float]:
+        """Move a robot on towards its goal; way and turn as its wheels measure them. It slows down to turn."""
+        pose, draw = self.poses[robot], self.random.normal
+        while math.dist(pose[:2], self.goals[robot]) < self.near:
+            self.goals[robot] = self.random.uniform(self.low, self.high)
+        dx, dy = self.goals[robot] - pose[:2]
+        off = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
+        turn = float(np.clip(off, -turning * dt, turning * dt))
+        distance = speed * (1.0 if abs(off) < 1.0 else 0.2) * dt
+        pose[:2] += distance * np.array([math.cos(pose[2] + turn / 2), math.sin(pose[2] + turn / 2)])
+        pose[2] = math.remainder(pose[2] + turn, math.tau)
+        return distance + draw() * truth.along * math.sqrt(distance), turn + draw() * truth.turn * math.sqrt(dt)
+
+    def fix(self, robot: str, truth: Truth) -> tuple[float, float]:
+        """The place that a robot's GPS measures."""
+        x, y = self.poses[robot][:2] + self.random.normal(size=2) * truth.gps
+        return float(x), float(y)
+
+    def around(self, robot: str) -> dict[str, tuple[float, float]]:
+        """The true range and bearing of the mates and the ball, by subject."""
+        pose, around = self.poses[robot], {}
+        things = {f"robot/{r}": other[:2] for r, other in self.poses.items() if r != robot} | {BALL: self.ball}
+        for subject, place in things.items():
+            dx, dy = place - pose[:2]
+            around[subject] = math.hypot(dx, dy), math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
+        return around
+
+    def seen(self, robot: str, truth: Truth) -> tuple[Seen, ...]:
+        """The mates and the ball that a robot's camera sees now."""
+        draw = self.random.normal
+        return tuple(
+            Seen(subject, max(0.0, far + draw() * truth.range), bearing + draw() * truth.bearing)
+            for subject, (far, bearing) in self.around(robot).items()
+            if far < truth.reach and abs(bearing) < truth.view
+        )
+
+
+def bounced(place: np.ndarray, velocity: np.ndarray, size: Point) -> tuple[np.ndarray, np.ndarray]:
+    """A place beyond the walls, and the velocity that led there, as walls throw them back. One corner is the origin."""
+    low, high = place < 0.0, place > size
+    back = np.where(low, -place, np.where(high, 2 * np.asarray(size) - place, place))
+    return back, np.where(low | high, -velocity, velocity)
+
+
+class World(Arena):
     """Mutable; `steps` moves it on."""
 
-    seed: int
-    truth: Truth = field(default_factory=Truth)
-    robots: tuple[str, ...] = ("r1", "r2", "r3")
-
-    def __post_init__(self) -> None:
-        self.random = np.random.default_rng(self.seed)
-        low, high = (WALL, WALL), (WIDTH - WALL, HEIGHT - WALL)
-        self.poses = {r: np.array([*self.random.uniform(low, high), self.random.uniform(-3, 3)]) for r in self.robots}
-        self.goals = {r: self.random.uniform(low, high) for r in self.robots}
+    def __init__(self, seed: int, truth: Truth = Truth(), robots: tuple[str, ...] = ROBOTS) -> None:
+        self.truth, self.robots, self.time = truth, robots, 0.0
+        super().__init__(np.random.default_rng(seed), robots, (WALL, WALL), (WIDTH - WALL, HEIGHT - WALL))
         self.ball = self.random.uniform((2, 2), (WIDTH - 2, HEIGHT - 2))
-        angle = self.random.uniform(-math.pi, math.pi) if self.truth.rolls else 0.0
-        self.velocity = self.truth.rolls * np.array([math.cos(angle), math.sin(angle)])  # of the ball
-        self.time = 0.0
+        angle = self.random.uniform(-math.pi, math.pi) if truth.rolls else 0.0
+        self.velocity = truth.rolls * np.array([math.cos(angle), math.sin(angle)])  # of the ball
 
     def steps(self, seconds: float) -> Iterator[Mapping[str, Said]]:
         """What each robot's sensors say, step by step, the starts first."""
@@ -79,44 +140,19 @@ class World:
             self.time += self.truth.dt
 
     def _step(self, robot: str, number: int) -> Said:
-        truth, draw = self.truth, self.random.normal
-        pose, dt = self.poses[robot], self.truth.dt
+        truth, dt = self.truth, self.truth.dt
         if number == 0:
-            start = pose + draw(size=3) * [truth.start, truth.start, truth.start_heading]
-            return Said(0.0, 0.0, dt, start=(float(start[0]), float(start[1]), float(start[2])))
-        while math.dist(pose[:2], self.goals[robot]) < 0.5:
-            self.goals[robot] = self.random.uniform((WALL, WALL), (WIDTH - WALL, HEIGHT - WALL))
-        dx, dy = self.goals[robot] - pose[:2]
-        off = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
-        turn = float(np.clip(off, -1.0 * dt, 1.0 * dt))
-        distance = (0.5 if abs(off) < 1.0 else 0.1) * dt
-        pose[0] += distance * math.cos(pose[2] + turn / 2)
-        pose[1] += distance * math.sin(pose[2] + turn / 2)
-        pose[2] = math.remainder(pose[2] + turn, math.tau)
-        measured = distance + draw() * truth.along * math.sqrt(distance), turn + draw() * truth.turn * math.sqrt(dt)
-        gps = None
-        if robot in truth.gps_of and number % round(truth.gps_every / dt) == 0:
-            place = pose[:2] + draw(size=2) * truth.gps
-            gps = float(place[0]), float(place[1])
-        sightings = tuple(self._seen(robot)) if (number + 1) % round(truth.seen_every / dt) == 0 else ()
-        return Said(*measured, dt, gps=gps, seen=sightings)
-
-    def _seen(self, robot: str) -> Iterator[Seen]:
-        pose, draw = self.poses[robot], self.random.normal
-        things = {f"robot/{r}": self.poses[r][:2] for r in self.robots if r != robot} | {"object/ball": self.ball}
-        for subject, place in things.items():
-            dx, dy = place - pose[:2]
-            bearing = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
-            if math.hypot(dx, dy) < self.truth.reach and abs(bearing) < self.truth.view:
-                distance = max(0.0, math.hypot(dx, dy) + draw() * self.truth.range)
-                yield Seen(subject, distance, bearing + draw() * self.truth.bearing)
+            return Said(0.0, 0.0, dt, start=self.start(robot, truth))
+        distance, turn = self.drive(robot, truth, dt)
+        has_fix = robot in truth.gps_of and number % round(truth.gps_every / dt) == 0
+        fix = self.fix(robot, truth) if has_fix else None
+        is_looking = (number + 1) % round(truth.seen_every / dt) == 0
+        return Said(distance, turn, dt, gps=fix, seen=self.seen(robot, truth) if is_looking else ())
 
     def _roll(self) -> None:
-        if self.truth.rolls:
-            place = self.ball + self.velocity * self.truth.dt
-            low, high = np.array([0.0, 0.0]), np.array([WIDTH, HEIGHT])
-            self.velocity = np.where((place < low) | (place > high), -self.velocity, self.velocity)
-            self.ball = np.where(place < low, -place, np.where(place > high, 2 * high - place, place))
+        truth = self.truth
+        if truth.rolls:
+            self.ball, self.velocity = bounced(self.ball + self.velocity * truth.dt, self.velocity, (WIDTH, HEIGHT))
             return
-        self.ball = self.ball + self.random.normal(size=2) * self.truth.ball * math.sqrt(self.truth.dt)
-        self.ball = np.clip(self.ball, (WALL, WALL), (WIDTH - WALL, HEIGHT - WALL))
+        self.ball = self.ball + self.random.normal(size=2) * truth.ball * math.sqrt(truth.dt)
+        self.ball = np.clip(self.ball, self.low, self.high)

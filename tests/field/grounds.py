@@ -7,7 +7,7 @@ the team is one filter with all pieces, all readings and the true models. Metres
 import argparse
 import math
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,12 +15,11 @@ import numpy as np
 from blackboard.config import Scenario
 from blackboard.wire.messages import Odometry
 from examples.field.central import Central
-from examples.field.world import Said, Seen, Truth
+from examples.field.world import ROBOTS, Arena, Said, Seen, Truth, bounced
 from robot_agent.driven import SinceStep
 from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, parts_alone, show
 
 PIECE = 0.05
-BALL = "object/ball"
 MARGIN = 1.0  # metres that goals keep from the walls
 
 
@@ -35,28 +34,25 @@ class Kit(Truth):
     gps: float = 0.0  # 0: it has none
 
 
-@dataclass
-class Ground:
-    """Mutable; `passing` moves it on. `hertz`: the rate of all robots [default: drawn for each]."""
+class Ground(Arena):
+    """Mutable; `passing` moves it on."""
 
-    seed: int
-    hertz: float | None = None
-    together: bool = False  # all step at the same times
-    ball: float = 0.3  # of its random walk, per sqrt(s)
-    rolls: float = 0.0  # m/s: in place of walking it rolls, and the walls throw it back
-    kits: dict[str, Kit] = field(init=False)
+    def __init__(
+        self, seed: int, hertz: float | None = None, *, together: bool = False, walks: float = 0.3, rolls: float = 0.0
+    ) -> None:
+        """`hertz`: the rate of all robots [default: drawn for each], `together`: they step at the same times.
 
-    def __post_init__(self) -> None:
-        self.random = draw = np.random.default_rng(self.seed)
+        The ball `walks` at random (per sqrt(s)), or it `rolls` (m/s), and the walls throw it back.
+        """
+        self.seed, self.hertz, self.together, self.walks, self.rolls = seed, hertz, together, walks, rolls
+        self.random = draw = np.random.default_rng(seed)
         self.size = draw.uniform((8.0, 6.0), (20.0, 14.0)).round()
         with_gps = f"r{draw.integers(1, 4)}"
-        self.kits = {robot: self._kit(robot == with_gps) for robot in ("r1", "r2", "r3")}
-        low, high = np.full(2, MARGIN), self.size - MARGIN
-        self.poses = {r: np.array([*draw.uniform(low, high), draw.uniform(-3, 3)]) for r in self.kits}
-        self.goals = {r: draw.uniform(low, high) for r in self.kits}
-        self.place = draw.uniform(self.size / 3, self.size * 2 / 3)
+        self.kits = {robot: self._kit(robot == with_gps) for robot in ROBOTS}
+        super().__init__(draw, ROBOTS, np.full(2, MARGIN), self.size - MARGIN)
+        self.ball = draw.uniform(self.size / 3, self.size * 2 / 3)
         angle = draw.uniform(-math.pi, math.pi)
-        self.velocity = self.rolls * np.array([math.cos(angle), math.sin(angle)])
+        self.velocity = rolls * np.array([math.cos(angle), math.sin(angle)])
         self.number = 0
 
     def _kit(self, has_gps: bool) -> Kit:
@@ -77,7 +73,7 @@ class Ground:
             reach=draw(4.0, 10.0),
             view=draw(1.0, math.pi),
             seen_every=0.5,
-            ball=0.0 if self.rolls else self.ball,
+            ball=0.0 if self.rolls else self.walks,
             dt=PIECE,
         )
 
@@ -87,83 +83,30 @@ class Ground:
 
     def passing(self, seconds: float) -> Iterator[Mapping[str, Said]]:
         """What each robot's sensors say in each piece of time, the starts first; `steps` says who steps at its end."""
-        yield {robot: self._start(robot) for robot in self.kits}
+        yield {robot: Said(0.0, 0.0, PIECE, start=self.start(robot, kit)) for robot, kit in self.kits.items()}
         for self.number in range(1, round(seconds / PIECE) + 1):
             self._roll()
-            driven = {robot: self._drive(robot) for robot in self.kits}
-            yield {robot: self._with_seen(robot, said) for robot, said in driven.items()}
+            driven = {r: self.drive(r, kit, PIECE, kit.speed, kit.turning) for r, kit in self.kits.items()}
+            yield {robot: self._said(robot, *measured) for robot, measured in driven.items()}
 
     def steps(self, robot: str) -> bool:
         kit = self.kits[robot]
         return (self.number - kit.phase) % kit.pieces == 0
 
-    def _start(self, robot: str) -> Said:
-        kit = self.kits[robot]
-        start = self.poses[robot] + self.random.normal(size=3) * (kit.start, kit.start, kit.start_heading)
-        return Said(0.0, 0.0, PIECE, start=(float(start[0]), float(start[1]), float(start[2])))
-
-    def _drive(self, robot: str) -> Said:
-        kit, pose, draw = self.kits[robot], self.poses[robot], self.random.normal
-        while math.dist(pose[:2], self.goals[robot]) < 0.5:
-            self.goals[robot] = self.random.uniform(np.full(2, MARGIN), self.size - MARGIN)
-        dx, dy = self.goals[robot] - pose[:2]
-        off = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
-        turn = float(np.clip(off, -kit.turning * PIECE, kit.turning * PIECE))
-        distance = kit.speed * (1.0 if abs(off) < 1.0 else 0.2) * PIECE
-        pose[:2] += distance * np.array([math.cos(pose[2] + turn / 2), math.sin(pose[2] + turn / 2)])
-        pose[2] = math.remainder(pose[2] + turn, math.tau)
-        measured = distance + draw() * kit.along * math.sqrt(distance), turn + draw() * kit.turn * math.sqrt(PIECE)
-        return Said(*measured, PIECE)
-
-    def _with_seen(self, robot: str, said: Said) -> Said:
-        kit, pose, draw = self.kits[robot], self.poses[robot], self.random.normal
-        if not self.steps(robot):
-            return said
-        step = (self.number - kit.phase) // kit.pieces
-        gps = None
-        if kit.gps and step % max(1, round(kit.gps_every / PIECE / kit.pieces)) == 0:
-            place = pose[:2] + draw(size=2) * kit.gps
-            gps = float(place[0]), float(place[1])
-        seen = tuple(self._seen(robot)) if step % max(1, round(kit.seen_every / PIECE / kit.pieces)) == 0 else ()
-        return replace(said, gps=gps, seen=seen)
-
-    def _seen(self, robot: str) -> Iterator[Seen]:
-        kit, pose, draw = self.kits[robot], self.poses[robot], self.random.normal
-        things = {f"robot/{r}": self.poses[r][:2] for r in self.kits if r != robot} | {BALL: self.place}
-        for subject, place in things.items():
-            dx, dy = place - pose[:2]
-            bearing = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
-            if math.hypot(dx, dy) < kit.reach and abs(bearing) < kit.view:
-                yield Seen(subject, max(0.0, math.hypot(dx, dy) + draw() * kit.range), bearing + draw() * kit.bearing)
+    def _said(self, robot: str, distance: float, turn: float) -> Said:
+        kit, gps, seen = self.kits[robot], None, tuple[Seen, ...]()
+        if self.steps(robot):
+            step = (self.number - kit.phase) // kit.pieces
+            if kit.gps and step % max(1, round(kit.gps_every / PIECE / kit.pieces)) == 0:
+                gps = self.fix(robot, kit)
+            if step % max(1, round(kit.seen_every / PIECE / kit.pieces)) == 0:
+                seen = self.seen(robot, kit)
+        return Said(distance, turn, PIECE, gps=gps, seen=seen)
 
     def _roll(self) -> None:
-        walked = 0.0 if self.rolls else self.ball * math.sqrt(PIECE)
-        place = self.place + self.velocity * PIECE + self.random.normal(size=2) * walked
-        out = (place < 0.0) | (place > self.size)
-        self.velocity = np.where(out, -self.velocity, self.velocity)
-        self.place = np.where(place < 0.0, -place, np.where(place > self.size, 2 * self.size - place, place))
-
-
-class Filter(Central):
-    """Some robots, each with its own kit."""
-
-    def __init__(self, kits: Mapping[str, Kit]) -> None:
-        super().__init__((*kits,), next(iter(kits.values())))
-        self.kits = kits
-        self.mean[self.ball] = 0.0
-
-    def step(self, said: Mapping[str, Said]) -> None:
-        drift = self.truth.ball**2 * PIECE
-        self.covariance[self.ball, self.ball] += np.eye(2) * drift
-        for robot, kit in self.kits.items():
-            self.truth = replace(kit, ball=0.0)
-            super().step({robot: replace(said[robot], gps=None, seen=())})
-        for robot, kit in self.kits.items():
-            self.truth = replace(kit, ball=0.0)
-            step = said[robot]
-            known = tuple(s for s in step.seen if s.subject == BALL or s.subject.partition("/")[2] in self.kits)
-            super().step({robot: Said(0.0, 0.0, 0.0, gps=step.gps, seen=known)})
-        self.truth = next(iter(self.kits.values()))
+        walked = 0.0 if self.rolls else self.walks * math.sqrt(PIECE)
+        place = self.ball + self.velocity * PIECE + self.random.normal(size=2) * walked
+        self.ball, self.velocity = bounced(place, self.velocity, self.size)
 
 
 def odometry_of(pieces: list[Said], kit: Kit, told: bool) -> Odometry:
@@ -193,7 +136,7 @@ class Grounds(Robots):
     ) -> None:
         width, height = ground.size
         cell = 0.25
-        drift = {} if ground.rolls else {"objects_drift": ground.ball}
+        drift = {} if ground.rolls else {"objects_drift": ground.walks}
         chosen = Scenario(
             {
                 "team": {"name": "t", "sub_teams": {"a": [*ground.kits]}},
@@ -207,14 +150,14 @@ class Grounds(Robots):
     def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
         ground, scores = self.ground, new_scores()
-        central, alone = Filter(ground.kits), {robot: Filter({robot: kit}) for robot, kit in ground.kits.items()}
+        central, alone = Central(ground.kits), {robot: Central({robot: kit}) for robot, kit in ground.kits.items()}
         begin = self.now + 1.0
         self.run_to(begin)
         pieces: dict[str, list[Said]] = {robot: [] for robot in ground.kits}
         for said in ground.passing(seconds):
-            central.step(said)
+            central.step(said, PIECE)
             for robot, own in alone.items():
-                own.step(said)
+                own.step({robot: said[robot]}, PIECE)
                 pieces[robot].append(said[robot])
             self.run_to(max(self.now, begin + ground.time))
             for robot in ground.kits:
@@ -227,7 +170,7 @@ class Grounds(Robots):
                 if ground.time >= SETTLED:
                     note(scores, robot, pose, ground.poses[robot], central, alone[robot])
             if ground.time >= SETTLED and ground.number % 4 == 0:
-                self.note_ball(scores, "ball", ground.place, central)
+                self.note_ball(scores, "ball", ground.ball, central)
         return scores
 
     def _since(self, robot: str, last: Said, pieces: list[Said]) -> SinceStep:
@@ -257,7 +200,7 @@ def main() -> None:
     chosen = parser.parse_args()
     totals = new_scores()
     for seed in range(chosen.first, chosen.past):
-        ground = Ground(seed, chosen.hertz, chosen.together, chosen.ball, chosen.rolls)
+        ground = Ground(seed, chosen.hertz, together=chosen.together, walks=chosen.ball, rolls=chosen.rolls)
         unplaced = [robot for robot, kit in ground.kits.items() if not kit.gps][:1] if chosen.unplaced else []
         team = Grounds(ground, told=chosen.told, each=chosen.each, alone=chosen.alone, unplaced=unplaced)
         played = team.play(chosen.seconds)

@@ -206,17 +206,17 @@ class Field(Robots):
     def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
         world, truth = self.world, self.world.truth
-        central = Central(world.robots, truth)
-        alone = {robot: Central((robot,), truth) for robot in world.robots}
+        central = Central(dict.fromkeys(world.robots, truth))
+        alone = {robot: Central({robot: truth}) for robot in world.robots}
         scores = new_scores()
         begin = self.now + 1.0
         self.run_to(begin)
         for said in world.steps(seconds):
             at = begin + world.time
-            central.step(said)
+            central.step(said, truth.dt)
             settled = world.time >= SETTLED
             for robot, step in said.items():
-                alone[robot].step({robot: Said(step.distance, step.turn, step.dt, step.start, step.gps)})
+                alone[robot].step({robot: Said(step.distance, step.turn, step.dt, step.start, step.gps)}, step.dt)
                 self.run_to(max(self.now, at + self.phases.get(robot, 0.0)))
                 since = gathered(step, self.claimed, self.sigmas)
                 if robot in self.unplaced and step.start is not None:

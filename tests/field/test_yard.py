@@ -2,8 +2,9 @@
 
 import pytest
 
+from examples.field.world import BALL
 from tests.field.play import Score, Scores
-from tests.field.yard import BALL, KITS, World, Yard
+from tests.field.yard import KITS, World, Yard
 
 pytestmark = pytest.mark.team
 SEED = 931  # for longer runs on other seeds: `python -m tests.field.yard FIRST PAST`

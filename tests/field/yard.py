@@ -16,12 +16,11 @@ import numpy as np
 from blackboard.config import Scenario
 from blackboard.wire import evidence
 from examples.field.central import Central
-from examples.field.world import Said, Seen, Truth
+from examples.field.world import BALL, Arena, Said, Seen, Truth
 from robot_agent.driven import SinceStep
 from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, posterior, show
 
 WIDTH, HEIGHT, WALL = 30.0, 18.0, 1.0
-BALL = "object/ball"
 CELL = 0.5
 
 
@@ -62,15 +61,12 @@ class Step(Said):
     ranged: tuple[tuple[str, float], ...] = ()
 
 
-class World:
+class World(Arena):
     """Mutable: how all really move."""
 
     def __init__(self, seed: int, kits: dict[str, Kit] = KITS) -> None:
-        self.random, self.kits = np.random.default_rng(seed), kits
-        low, high = (WALL, WALL), (WIDTH - WALL, HEIGHT - WALL)
-        self.low, self.high = low, high
-        self.poses = {r: np.array([*self.random.uniform(low, high), self.random.uniform(-3, 3)]) for r in kits}
-        self.goals = {r: self.random.uniform(low, high) for r in kits}
+        self.kits = kits
+        super().__init__(np.random.default_rng(seed), kits, (WALL, WALL), (WIDTH - WALL, HEIGHT - WALL), near=1.0)
         self.ball = self.random.uniform((8, 5), (22, 13))
         self.moved = 0.0
         self.due: dict[tuple[str, str], float] = defaultdict(float)
@@ -87,9 +83,7 @@ class World:
             self.moved = time
             if robot in first:
                 first.discard(robot)
-                kit = self.kits[robot]
-                start = self.poses[robot] + self.random.normal(size=3) * (kit.start, kit.start, kit.start_heading)
-                yield Step(0.0, 0.0, 0.0, time=time, robot=robot, start=tuple(start))
+                yield Step(0.0, 0.0, 0.0, time=time, robot=robot, start=self.start(robot, self.kits[robot]))
             else:
                 yield self._step(robot, time, time - before)
             kit = self.kits[robot]
@@ -97,34 +91,20 @@ class World:
             heapq.heappush(queue, (time + pause, robot, time))
 
     def _step(self, robot: str, time: float, dt: float) -> Step:
-        kit, draw, pose = self.kits[robot], self.random.normal, self.poses[robot]
-        while math.dist(pose[:2], self.goals[robot]) < 1.0:
-            self.goals[robot] = self.random.uniform(self.low, self.high)
-        dx, dy = self.goals[robot] - pose[:2]
-        off = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
-        turn = float(np.clip(off, -dt, dt))
-        distance = kit.speed * (1.0 if abs(off) < 1.0 else 0.2) * dt
-        pose[:2] += distance * np.array([math.cos(pose[2] + turn / 2), math.sin(pose[2] + turn / 2)])
-        pose[2] = math.remainder(pose[2] + turn, math.tau)
-        step = distance + draw() * kit.along * math.sqrt(distance), turn + draw() * kit.turn * math.sqrt(dt)
+        kit, draw = self.kits[robot], self.random.normal
+        distance, turn = self.drive(robot, kit, dt, kit.speed)
         gps = compass = None
         if kit.gps and self._is_due(robot, "gps", kit.gps_every, time):
-            place = pose[:2] + draw(size=2) * kit.gps
-            gps = float(place[0]), float(place[1])
+            gps = self.fix(robot, kit)
         if kit.compass:
-            compass = math.remainder(pose[2] + draw() * kit.compass, math.tau)
-        sightings, ranged = [], []
+            compass = math.remainder(self.poses[robot][2] + draw() * kit.compass, math.tau)
+        seen, ranged = tuple[Seen, ...](), tuple[tuple[str, float], ...]()
         if kit.range and self._is_due(robot, "seen", kit.seen_every, time):
-            for subject, (far, bearing) in self._around(robot).items():
-                if far < kit.reach and abs(bearing) < kit.view:
-                    sightings.append(Seen(subject, max(0.0, far + draw() * kit.range), bearing + draw() * kit.bearing))
+            seen = self.seen(robot, kit)
         if kit.ranging and self._is_due(robot, "ranged", kit.ranged_every, time):
-            for subject, (far, _) in self._around(robot).items():
-                if subject != BALL:
-                    ranged.append((subject, max(0.0, far + draw() * kit.ranging)))
-        return Step(
-            *step, dt, time=time, robot=robot, gps=gps, compass=compass, seen=tuple(sightings), ranged=tuple(ranged)
-        )
+            mates = [(mate, far) for mate, (far, _) in self.around(robot).items() if mate != BALL]
+            ranged = tuple((mate, max(0.0, far + draw() * kit.ranging)) for mate, far in mates)
+        return Step(distance, turn, dt, time=time, robot=robot, gps=gps, compass=compass, seen=seen, ranged=ranged)
 
     def _is_due(self, robot: str, what: str, every: float, time: float) -> bool:
         if time < self.due[robot, what]:
@@ -132,42 +112,29 @@ class World:
         self.due[robot, what] = time + every
         return True
 
-    def _around(self, robot: str) -> dict[str, tuple[float, float]]:
-        pose = self.poses[robot]
-        things = {f"robot/{r}": self.poses[r][:2] for r in self.kits if r != robot} | {BALL: self.ball}
-        around = {}
-        for subject, place in things.items():
-            dx, dy = place - pose[:2]
-            around[subject] = math.hypot(dx, dy), math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
-        return around
-
 
 class Filter(Central):
-    """Some robots, each with its own kit, that step one by one. It takes compasses and ranges, too."""
+    """Some robots that step one by one. It takes compasses and ranges, too."""
 
     def __init__(self, kits: dict[str, Kit]) -> None:
-        super().__init__((*kits,), next(iter(kits.values())))
+        super().__init__(kits)
         self.kits, self.time = kits, 0.0
 
     def take_step(self, step: Step) -> None:
-        kit, at = self.kits[step.robot], self._at(step.robot)
-        self.truth, self.time = replace(kit, dt=step.time - self.time), step.time
-        known = tuple(seen for seen in step.seen if self._knows(seen.subject))
-        self.step({step.robot: replace(step, seen=known)})
+        self.step({step.robot: step}, step.time - self.time)
+        self.time = step.time
+        kit, at = self.kits[step.robot], self._at(f"robot/{step.robot}")
         if step.compass is not None:
             off = math.remainder(step.compass - self.mean[at][2], math.tau)
             self._correct(np.array([off]), np.eye(1, len(self.mean), at.start + 2), np.eye(1) * kit.compass**2)
         for subject, far in step.ranged:
-            if self._knows(subject):
+            if self.knows(subject):
                 dx, dy = self.of(subject)[0][:2] - self.mean[at][:2]
                 d, rows = max(math.hypot(dx, dy), 1e-6), np.zeros((1, len(self.mean)))
-                its = self._at(subject.partition("/")[2])
+                its = self._at(subject)
                 rows[0, its.start : its.start + 2] = dx / d, dy / d
                 rows[0, at.start : at.start + 2] = -dx / d, -dy / d
                 self._correct(np.array([far - d]), rows, np.eye(1) * kit.ranging**2)
-
-    def _knows(self, subject: str) -> bool:
-        return subject == BALL or subject.partition("/")[2] in self.kits
 
 
 def readings(step: Step, kit: Kit, told: bool, own: Filter | None) -> SinceStep:
