@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from fleet import Fleet, Said, Voice, record
+from fleet import Fleet
 from programs import program
+from recorded import Said, Voice, record
 
 from blackboard.net.link import Link
 from blackboard.net.scheduler import BEGIN

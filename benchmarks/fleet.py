@@ -20,11 +20,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from recorded import RecordedRun, Voice, record
 
 from blackboard.board.service import BoardService
 from blackboard.client.share import Share
-from blackboard.config import BoardSection, Scenario, load
-from blackboard.lab.team import InProcessTeam
+from blackboard.config import BoardSection
 from blackboard.net.scheduler import BEGIN, Scheduler
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
@@ -47,81 +47,6 @@ SHARED = (SEEN, "object/can")
 FRESH = 1.5  # seconds: boards agree once a second
 GRID = Grid((50, 50))
 GOLDEN = 0.618034  # of a tick, by which each team ticks later than the one before, so that no two tick at once
-
-Said = list[tuple[float, Envelope]]  # when, in Unix seconds, and what
-
-
-# --- what robots say --------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class RecordedRun:
-    """A run of the demo's robots in one sub-team: what they and their world said, and the key expressions that one of them hears."""
-
-    scenario: Scenario
-    robots: Said
-    world: Said
-    listens: tuple[str, ...]
-
-
-class Recorded(Around):
-    """A robot of which everything is kept that it says to boards."""
-
-    def __init__(self, robot: Service, said: Said) -> None:
-        super().__init__(robot)
-        self.said = said
-
-    def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
-        return self._kept(super().receive(envelope, now), now)
-
-    def wake(self, now: float) -> list[Envelope]:
-        return self._kept(super().wake(now), now)
-
-    def _kept(self, out: list[Envelope], now: float) -> list[Envelope]:
-        self.said += [(now, envelope) for envelope in out if not keys.SOLO.match(envelope.key)]
-        return out
-
-
-def record(robots: int, fusion: str, seconds: float, subject: str = "ball") -> RecordedRun:
-    """Let the demo's robots run at 1 Hz, with its ball under the name `seen`."""
-    names = [f"r{i + 1}" for i in range(robots)]
-    demo = load("demo").changed("team", name="fleet", sub_teams={"a": names}).changed("board", fusion=fusion)
-    objects = {subject if name == "ball" else name: table for name, table in demo.tables["world"]["objects"].items()}
-    tables = demo.tables | {"world": demo.tables["world"] | {"objects": objects}}
-    scenario = Scenario(tables).changed("time", tick=1.0, seconds=seconds + 2.0, mode="realtime")
-    said, world = Said(), Said()
-    team = InProcessTeam(scenario, around=lambda _, robot: Recorded(robot, said))
-    team.bus.spies.append(
-        lambda envelope: world.append((team.now, envelope)) if keys.CLOCK.match(envelope.key) else None
-    )
-    team.run()
-    return RecordedRun(scenario, said, world, team.robots[names[0]].listens)
-
-
-class Voice(Quiet):
-    """A service that says what was recorded, `later` by so many seconds, in a team of another name."""
-
-    def __init__(
-        self, said: Said, team: str, later: float, tokens: tuple[str, ...], listens: tuple[str, ...] = ()
-    ) -> None:
-        self.said, self.team, self.later, self.next = said, team, later, 0
-        self.tokens, self.listens = (tuple(_of(team, key) for key in key_exprs) for key_exprs in (tokens, listens))
-
-    def wake(self, now: float) -> list[Envelope]:
-        out = []
-        while (at := self.wake_at(now)) is not None and at <= now:
-            envelope = self.said[self.next][1]
-            out.append(Envelope(_of(self.team, envelope.key), envelope.payload, envelope.kind))
-            self.next += 1
-        return out
-
-    def wake_at(self, now: float) -> float | None:
-        return self.said[self.next][0] + self.later if self.next < len(self.said) else None
-
-
-def _of(team: str, key: str) -> str:
-    """A key of the recorded team as one of another team."""
-    return key.replace("cop/fleet/", f"cop/{team}/", 1)
 
 
 # --- a fleet ----------------------------------------------------------------------------------------------------------
@@ -316,6 +241,15 @@ def grown(robots: int, recordings: Sequence[RecordedRun]) -> tuple[list[list[str
             f"{left / 60:.1f} min left",
             file=sys.stderr,
         )
+    processor = time.process_time() - worked
+    rows = [["robots", f"{robots}"], ["boards", f"{len(fleet.boards)}"], *costs(fleet)]
+    rows += [["wall, s", f"{time.perf_counter() - began:.0f}"], ["processor, s", f"{processor:.0f}"]]
+    rows += [["memory, GiB", f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2:.2f}"]]
+    return [list(row) for row in zip(*rows, strict=True)], told(robots, path, known)
+
+
+def costs(fleet: Fleet) -> list[list[str]]:
+    """What boards, shares and robots have spent in each second that was counted: rows of a name and a number."""
     leaves, inner = (
         [board.spent for name, board in fleet.boards.items() if (name in fleet.robots) == robotic]
         for robotic in (True, False)
@@ -334,11 +268,12 @@ def grown(robots: int, recordings: Sequence[RecordedRun]) -> tuple[list[list[str
         "into a robot, kB": np.mean([used.into for used in crews]) / 1e3,
         "at most, kB": max(used.into for used in crews) / 1e3,
     }
-    rows = [["robots", f"{robots}"], ["boards", f"{len(fleet.boards)}"]]
-    rows += [[name, f"{value / COUNTED:.3g}"] for name, value in spent.items()]
-    rows += [["wall, s", f"{time.perf_counter() - began:.0f}"], ["processor, s", f"{time.process_time() - worked:.0f}"]]
-    rows += [["memory, GiB", f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2:.2f}"]]
-    table = [
+    return [[name, f"{value / COUNTED:.3g}"] for name, value in spent.items()]
+
+
+def told(robots: int, path: Sequence[str], known: Mapping[str, Sequence[Knowledge]]) -> list[list[str]]:
+    """What each team on a path knew of the ball, if anything: rows for `TOLD`."""
+    return [
         [
             f"{robots}",
             f"{shares_on}",
@@ -349,7 +284,6 @@ def grown(robots: int, recordings: Sequence[RecordedRun]) -> tuple[list[list[str
         for shares_on, name in enumerate(path)
         if known[name]
     ]
-    return [list(row) for row in zip(*rows, strict=True)], table
 
 
 def died(recordings: Sequence[RecordedRun]) -> list[str]:
