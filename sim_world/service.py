@@ -35,7 +35,7 @@ LONGEST = 5  # times that the wait until asking again is doubled
 SHOWN_TICKS = 1000  # a run without end logs its progress ten times in so many ticks
 
 
-def world_of(scenario: Scenario, record: Keep | None = None) -> "WorldService":
+def world_of(scenario: Scenario, record: Keep | None) -> "WorldService":
     """The world of a scenario with its referee; `record` is given every sample that counts. UserError: a mistake in the scenario."""
     sensors = open_sensor_source(scenario)
     world = scenario.section("world", WorldSection)

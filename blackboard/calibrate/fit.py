@@ -62,10 +62,11 @@ class Fit:
         return 1.0 - float(self.believed.mean()) if len(self.believed) else 0.0
 
 
-def smoothed(
-    model: Model, poses: Array, shared: Array, noise: Noise, prior: Prior, anew: Callable[[], None] = lambda: None
-) -> Fit:
-    """The likeliest poses and shared numbers from a first guess on; a step that makes them less likely is halved."""
+def smoothed(model: Model, poses: Array, shared: Array, noise: Noise, prior: Prior, anew: Callable[[], None]) -> Fit:
+    """The likeliest poses and shared numbers from a first guess on; a step that makes them less likely is halved.
+
+    `anew` is called before each step.
+    """
     here = _Here.at(model, poses, shared, noise, prior)
     for _ in range(STEPS):
         anew()

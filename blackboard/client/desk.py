@@ -82,21 +82,18 @@ class Desk(Around):
 class AgreedStream:
     """The newest of each subject that nobody has taken yet, in the order of arrival."""
 
-    def __init__(self, subject: str | None = None) -> None:
-        """`subject`: only what is about it."""
-        self._subject = subject
+    def __init__(self) -> None:
         self._waiting: dict[str, Agreed] = {}
         self._changed = threading.Condition()
         self._closed = False
         self.listener: Callable[[], None] = lambda: None  # called, in the team's thread, when something has come
 
     def put(self, agreed: Agreed) -> None:
-        if self._subject in (None, agreed.subject):
-            with self._changed:
-                self._waiting.pop(agreed.subject, None)
-                self._waiting[agreed.subject] = agreed
-                self._changed.notify_all()
-            self.listener()
+        with self._changed:
+            self._waiting.pop(agreed.subject, None)
+            self._waiting[agreed.subject] = agreed
+            self._changed.notify_all()
+        self.listener()
 
     def close(self) -> None:
         """Nothing comes any more."""

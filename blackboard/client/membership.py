@@ -223,7 +223,7 @@ class Membership:
 
     def __iter__(self) -> Iterator[Agreed]:
         """Beliefs as the team agrees on them, of each subject the newest, until the team is closed."""
-        stream = self._listen(None)
+        stream = self._listen()
         try:
             while (agreed := stream.take(None)) is not None:
                 yield agreed
@@ -232,7 +232,7 @@ class Membership:
 
     async def __aiter__(self) -> AsyncIterator[Agreed]:
         """The same in asyncio."""
-        stream, came, loop = self._listen(None), asyncio.Event(), asyncio.get_running_loop()
+        stream, came, loop = self._listen(), asyncio.Event(), asyncio.get_running_loop()
         stream.listener = lambda: _tell(loop, came)
         try:
             while not stream.ended:
@@ -283,8 +283,8 @@ class Membership:
             raise RuntimeError(f"{self.robot} has not joined its team: `with {type(self).__name__}(...) as ...:`")
         return self._joined
 
-    def _listen(self, subject: str | None) -> AgreedStream:
-        stream, desk = AgreedStream(subject), self._desk
+    def _listen(self) -> AgreedStream:
+        stream, desk = AgreedStream(), self._desk
         self._streams.append(stream)
         if desk.done:
             stream.close()

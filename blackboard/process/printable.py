@@ -11,9 +11,9 @@ def printable(text: str) -> str:
     return _PERHAPS_NOT.sub(lambda match: _escaped(match[0]), text)
 
 
-def quoted(text: str, most: int = SHOWN) -> str:
-    """A text from outside as a part of one line: printable, and cut after so many characters."""
-    return printable(text[:most]) + ("..." if len(text) > most else "")
+def quoted(text: str) -> str:
+    """A text from outside as a part of one line: printable, and cut after `SHOWN` characters."""
+    return printable(text[:SHOWN]) + ("..." if len(text) > SHOWN else "")
 
 
 def _escaped(character: str) -> str:

@@ -194,7 +194,7 @@ def team_line(team: Table) -> str:
     return f"team {team['team']}: {team['mode']}, {tick}, {team['settlements']:.1f} settled/s"
 
 
-def unnamed_lines(team: Table, width: int | None = None) -> list[str]:
+def unnamed_lines(team: Table, width: int | None) -> list[str]:
     """What became of sightings without a name, in one line; none where all have one."""
     one = team["unnamed"]
     if not one:
@@ -204,7 +204,7 @@ def unnamed_lines(team: Table, width: int | None = None) -> list[str]:
     return [line if width is None else shortened(line, width)]
 
 
-def process_lines(team: Table, width: int | None = None) -> list[str]:
+def process_lines(team: Table, width: int | None) -> list[str]:
     """The processes of a team, a line for each behind the names of the columns; of at most `width` characters."""
     rows: list[tuple[str, ...]] = [
         ("process", "kind", "sub-team", "state", "tick", "ticks/s", "heard", "dropped", "late", "skipped", "refused")

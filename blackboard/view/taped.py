@@ -23,7 +23,7 @@ class Taped:
         file: Path,
         envelopes: Iterator[tuple[float, Envelope]],
         metadata: Callable[[], Mapping[str, str]],
-        team: str | None = None,
+        team: str | None,
     ) -> None:
         """`metadata` is what the tape says about itself, known with its first envelope. UserError: a tape without any."""
         first = next(envelopes, None)

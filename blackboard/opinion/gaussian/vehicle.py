@@ -126,7 +126,7 @@ def kinds(way: float | Array, turn: float | Array, track: float = TRACK) -> tupl
 
 
 def curved_and_driven(
-    way: float | Array, turn: float | Array, told: Sequence[float | Array], track: float = TRACK
+    way: float | Array, turn: float | Array, told: Sequence[float | Array], track: float
 ) -> tuple[Array, Array]:
     """What of a way was on a curve (unit), and what of a turn while driving (radians).
 

@@ -82,7 +82,7 @@ class Page:
         return {"tape": self.source.done is not None, "done": bool(self.source.done), "skipped": self.source.skipped}
 
 
-def application(page: Page, hosts: list[str], drift: float = 1.0) -> Starlette:
+def application(page: Page, hosts: list[str], drift: float) -> Starlette:
     """The page as an ASGI application, for browsers that call it by one of `hosts`; `drift` as in `explain`."""
     routes = [
         Route("/", _file),
