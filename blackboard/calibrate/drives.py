@@ -16,6 +16,7 @@ from blackboard.wire.messages import Readings
 EVERY = 1.0
 LONGEST_TICK = 86_400.0  # seconds
 MOST_TICKS = 20_000  # that are taken of a recording
+COMPASS = 0.03  # radians: the sigma of a heading that comes without one
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,30 +102,26 @@ class Drives:
         return replace(self, sightings=self.sightings.where(~np.isin(self.sightings.landmark, list(landmarks))))
 
 
-def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool = True) -> Drives:
-    """The readings of a team as arrays. `compass` is the sigma (rad) of a heading that comes without one.
+def drives_of(readings: Iterable[Readings], trusted: bool = True) -> Drives:
+    """The readings of a team as arrays. A heading without a sigma has `COMPASS`.
 
     Ticks that do not end after all before them are left out.
     Not `trusted`: fixes and headings are left out, as those of a replay, which come from the truth. UserError: a tick of days.
     """
     by_tick = _by_tick(readings)
-    ends = {tick: max(one.time for one in some.values()) for tick, some in by_tick.items()}
-    ticks = list[int]()
-    for tick in sorted(by_tick):
-        if not ticks or ends[tick] > ends[ticks[-1]]:
-            ticks.append(tick)
+    ends = _ends(by_tick)
     robots = tuple(sorted({name for some in by_tick.values() for name in some}))
     number = {f"robot/{name}": n for n, name in enumerate(robots)}
-    times = np.array([ends[tick] for tick in ticks])
+    times = np.array([*ends.values()])
     if (longest := float(np.diff(times).max(initial=0.0))) > LONGEST_TICK:
         raise UserError(
             f"the times of the readings jump by {longest:g} s: give a part of them, as `blackboard tape cut` makes it"
         )
-    odometry, measured = np.zeros((len(ticks), len(robots), 4)), np.zeros((len(ticks), len(robots)), dtype=bool)
+    odometry, measured = np.zeros((len(ends), len(robots), 4)), np.zeros((len(ends), len(robots)), dtype=bool)
     seen, fixes, headings = list[tuple[float, ...]](), list[tuple[float, ...]](), list[tuple[float, ...]]()
     places: dict[str, tuple[float, float]] = {}
     newest: dict[tuple[int, str], float] = {}
-    for k, tick in enumerate(ticks):
+    for k, tick in enumerate(ends):
         for name, one in sorted(by_tick[tick].items()):
             n, dt = number[f"robot/{name}"], float(times[k] - times[k - 1]) if k else 0.0
             if one.odometry is not None and k:
@@ -134,10 +131,8 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
                 measured[k, n] = one.odometry.dt > dt / 2
             if trusted and one.fix is not None:
                 fixes.append((k, n, *one.fix.position, one.fix.sigma))
-            if trusted and one.fix is not None and one.fix.heading is not None:
-                headings.append((k, n, one.fix.heading, one.fix.heading_sigma or compass))
-            if trusted and one.compass is not None:
-                headings.append((k, n, one.compass, one.compass_sigma or compass))
+            if trusted:
+                headings += [(k, n, *heading) for heading in _headings(one)]
             seen += _rows(one, k, times, number, places, newest)
     measured[0] = True
     columns = np.array(seen, dtype=float).reshape(-1, 7)
@@ -148,6 +143,24 @@ def drives_of(readings: Iterable[Readings], compass: float = 0.03, trusted: bool
     return Drives(
         robots, tuple(places), spots, times, odometry, measured, sightings, _absolute(fixes, 2), _absolute(headings, 1)
     )
+
+
+def _ends(by_tick: Mapping[int, Mapping[str, Readings]]) -> dict[int, float]:
+    """When each tick ends (s), in their order, but for those that do not end after all before them."""
+    ends, newest = dict[int, float](), -math.inf
+    for tick in sorted(by_tick):
+        end = max(one.time for one in by_tick[tick].values())
+        if end > newest:
+            ends[tick] = newest = end
+    return ends
+
+
+def _headings(one: Readings) -> Iterator[tuple[float, float]]:
+    """The headings that a robot measured in a tick, with their sigmas."""
+    if one.fix is not None and one.fix.heading is not None:
+        yield one.fix.heading, one.fix.heading_sigma or COMPASS
+    if one.compass is not None:
+        yield one.compass, one.compass_sigma or COMPASS
 
 
 def _by_tick(readings: Iterable[Readings]) -> dict[int, dict[str, Readings]]:

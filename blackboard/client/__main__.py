@@ -91,6 +91,15 @@ def _check(
     """Look through the flags before anything is connected. UserError: one that cannot be."""
     if flags.keys is not None:
         raise UserError("--keys: a certificate is for one team, so two teams with keys cannot be joined")
+    _check_names(source, team, sub_team)
+    for one in subjects:
+        if not re.fullmatch(rf"(?:object|robot)/(?:\*|{NAME})", one):
+            raise UserError(f"--subject {one}: write object/NAME, 'object/*', robot/NAME or 'robot/*'")
+    if not 0.0 < every < max_age:
+        raise UserError(f"--every {every:g}: give seconds above 0 and below [board] max_age, which is {max_age:g}")
+
+
+def _check_names(source: str, team: str, sub_team: str | None) -> None:
     for what, name in (("SOURCE", source), ("TEAM", team), ("--sub-team", sub_team)):
         if name is not None:
             door.check_name(what, name)
@@ -103,8 +112,3 @@ def _check(
             )
     if len(VIA + source) > LONGEST_NAME:
         raise UserError(f"SOURCE {source}: at most {LONGEST_NAME - len(VIA)} letters, because {VIA}{source} reports")
-    for one in subjects:
-        if not re.fullmatch(rf"(?:object|robot)/(?:\*|{NAME})", one):
-            raise UserError(f"--subject {one}: write object/NAME, 'object/*', robot/NAME or 'robot/*'")
-    if not 0.0 < every < max_age:
-        raise UserError(f"--every {every:g}: give seconds above 0 and below [board] max_age, which is {max_age:g}")

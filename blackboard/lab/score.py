@@ -58,12 +58,7 @@ def score(
         Also draw trajectories, errors and areas of each protocol into this folder; needs the extra `plot`.
     """
     drawing = _drawing() if pictures is not None else None
-    if summary is not None and summary.suffix not in (".md", ".csv"):
-        raise UserError(f"--summary {summary}: it is written as .md or .csv; choose one of these endings")
-    if table is not None and table.suffix == ".md":
-        raise UserError(f"--table {table}: samples are written as {', '.join(ENDINGS)}; what is shown is --summary")
-    if table is not None:
-        check_table(table, "--table")
+    _check(table, summary)
     if recording.mrclam is None and runs is None:
         raise UserError("--mrclam: which recording is to be replayed? give its folder, in MRCLAM format")
     finished = kept_runs(runs) if recording.mrclam is None and runs is not None else new_runs(recording, seconds, runs)
@@ -74,11 +69,25 @@ def score(
     if summary is not None:
         _write(summary, bench.markdown(told) if summary.suffix == ".md" else _csv(told))
     if drawing is not None and pictures is not None:
-        for name in dict.fromkeys(run.protocol for run in finished if run.protocol not in FAMILIES):
-            for what, figure in drawing.protocol(name, [run for run in finished if run.protocol == name]).items():
-                drawing.save(figure, pictures / f"{name}-{what}.png")
+        _draw(drawing, finished, pictures)
     output.show(told, bench.text)
     return 0 if all(run.complete for run in finished) else 1
+
+
+def _check(table: Path | None, summary: Path | None) -> None:
+    """UserError: a file with an ending that is not written."""
+    if summary is not None and summary.suffix not in (".md", ".csv"):
+        raise UserError(f"--summary {summary}: it is written as .md or .csv; choose one of these endings")
+    if table is not None and table.suffix == ".md":
+        raise UserError(f"--table {table}: samples are written as {', '.join(ENDINGS)}; what is shown is --summary")
+    if table is not None:
+        check_table(table, "--table")
+
+
+def _draw(drawing: ModuleType, runs: Sequence[bench.Run], folder: Path) -> None:
+    for name in dict.fromkeys(run.protocol for run in runs if run.protocol not in FAMILIES):
+        for what, figure in drawing.protocol(name, [run for run in runs if run.protocol == name]).items():
+            drawing.save(figure, folder / f"{name}-{what}.png")
 
 
 def scenarios(recording: RecordingFlags, seconds: float | None) -> list[tuple[str, str, Scenario]]:

@@ -58,14 +58,7 @@ def course(tape: Tape, run: str) -> Course:
             following = message.run == run
             if following:
                 roster.forget(at)
-                course.mode, course.ended = message.mode, course.ended or message.end
-                course.ticks = max(course.ticks, message.tick)
-                if not message.end:
-                    robots, boards = roster.robots, roster.boards
-                    known = {r.robot for r in course.readings.get(message.tick, [])}
-                    present = {s: [r for r in robots.get(s, []) if r in known] for s in sorted(boards)}
-                    named = {sub_team: list(names) for sub_team, names in message.robots.items()}
-                    course.teams.setdefault(message.tick, named if message.mode == "lockstep" else present)
+                _hear_clock(course, message, roster)
         elif isinstance(message, Readings) and message.run == run:
             course.readings.setdefault(message.tick, []).append(message)
         elif isinstance(message, Truth) and message.run == run:
@@ -73,6 +66,19 @@ def course(tape: Tape, run: str) -> Course:
         elif isinstance(message, Solo) and following:
             course.solos.append(message)
     return course
+
+
+def _hear_clock(course: Course, clock: Clock, roster: Roster) -> None:
+    course.mode, course.ended = clock.mode, course.ended or clock.end
+    course.ticks = max(course.ticks, clock.tick)
+    if clock.end:
+        return
+    if clock.mode == "lockstep":
+        teams = {sub_team: list(names) for sub_team, names in clock.robots.items()}
+    else:
+        known = {readings.robot for readings in course.readings.get(clock.tick, [])}
+        teams = {s: [r for r in roster.robots.get(s, []) if r in known] for s in sorted(roster.boards)}
+    course.teams.setdefault(clock.tick, teams)
 
 
 def recorded(tape: Tape) -> Output:

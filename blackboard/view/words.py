@@ -4,7 +4,7 @@ What did not change anything is left out; the JSON has it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from blackboard.state.alarms import LIKELY_LOST
@@ -158,7 +158,7 @@ def _unnamed(sightings: Sequence[Table]) -> list[str]:
 
 
 def _pooled(level: Table, unit: str) -> list[str]:
-    lines, idle = [], []
+    lines = []
     if level["outcome"] != "pooled":
         lines.append(f"A veto left the rule no cell, so another rule was taken ({level['outcome']}).")
     if len(level["components"]) > 1:
@@ -166,25 +166,29 @@ def _pooled(level: Table, unit: str) -> list[str]:
     if level["conflict"]:
         lines.append("There is a conflict: somebody is surer alone than all together, or contradicts them.")
     many = len({source["source"] for source in level["sources"]}) > 1
-    for source in level["sources"] if many or not level["without"] else ():
-        if source["weight"] >= LITTLE:
-            lines.append(_said(source))
-    for name, change in level["without"].items():
-        if not change:
-            continue
-        if _is_idle(change):
-            idle.append(name)
-        else:
+    if many or not level["without"]:
+        lines += [_said(source) for source in level["sources"] if source["weight"] >= LITTLE]
+    return lines + _without(level["without"], unit) + _recomputed(level["recomputed"])
+
+
+def _without(changes: Mapping[str, Table], unit: str) -> list[str]:
+    """What would be believed without each source; empty is what was not computed."""
+    idle = [name for name, change in changes.items() if change and _is_idle(change)]
+    lines = []
+    for name, change in changes.items():
+        if change and name not in idle:
             nats = "infinitely far" if change["nats"] is None else f"{change['nats']:.3f} nats"
             lines.append(f"Without {name} it would be {change['shift']:.2f} {unit} from there ({nats} away).")
-    if idle:
-        lines.append(f"{_and(idle)} changed nothing.")
-    if level["recomputed"] is None:
-        lines.append("What would be without a source cannot be said: not everything that was pooled was seen here.")
-    elif level["recomputed"] > LITTLE:
-        far = f"{level['recomputed']:.3f} nats"
-        lines.append(f"Computed again here it is {far} from what the board published, so take these as rough.")
-    return lines
+    return [*lines, f"{_and(idle)} changed nothing."] if idle else lines
+
+
+def _recomputed(nats: float | None) -> list[str]:
+    """How far what was computed again is from what the board published, where it is; None: nothing was."""
+    if nats is None:
+        return ["What would be without a source cannot be said: not everything that was pooled was seen here."]
+    if nats > LITTLE:
+        return [f"Computed again here it is {nats:.3f} nats from what the board published, so take these as rough."]
+    return []
 
 
 def _said(source: Table) -> str:
