@@ -116,7 +116,7 @@ class PoseGrid:
         return self._mix(share) if steps == 1 else self._walk(steps, share)
 
     def _walk(self, steps: int, share: float) -> PoseGrid:
-        """As many mixings at once: each slice is moved once, onto the grid."""
+        """Mix `steps` times at once: each slice is moved once, onto the grid."""
         cell, n = self.grid.cell, len(self.p)
         kernel = np.fft.irfft((1 - 2 * share * (1 - np.cos(np.fft.rfftfreq(n) * math.tau))) ** steps, n)
         shares = np.maximum(kernel, 0.0)[(np.arange(n)[:, None] - np.arange(n)) % n].astype(np.float32)

@@ -130,7 +130,7 @@ def _changed(difference: Array, covariance: Array) -> float:
 
 @lru_cache(maxsize=8)
 def _thinned(profile: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """As few points as are needed for those between them, as readers interpolate, to be right to a share of `OFF`."""
+    """The fewest points between which readers may interpolate and be right to a share of `OFF`."""
     if len(profile) < 3:
         return profile
     distances, variances = np.array(profile).T

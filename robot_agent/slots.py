@@ -123,7 +123,7 @@ def _mean(several: Sequence[HeldSighting], time: float, evidence: PackedEvidence
 
 
 def _mean_of_kind(told: Sequence[tuple[Seen, float]], age: float) -> Seen:
-    """The same of a further kind, each with how far the robot had turned since the mean time."""
+    """The mean of sightings of one further kind, each with how far the robot had turned since the mean time."""
     newest, count = told[0][0], len(told)
     rows, spreads = list[Array](), list[Array]()
     for seen, turn in told:

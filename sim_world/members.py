@@ -89,7 +89,7 @@ class Members:
         return not self.roster.away and any(self._is_alive(*robot) for robot in robots)
 
     def absent(self) -> list[str]:
-        """Those of the scenario that are not there."""
+        """Which boards and robots of the scenario are not there."""
         robots = self.roster.robots
         absent = [f"the board of {sub_team}" for sub_team in self.team.sub_teams if not self._boards(sub_team)]
         for sub_team, names in self.team.sub_teams.items():

@@ -57,7 +57,7 @@ class CertificateHolder:
 
     @property
     def who(self) -> str:
-        """As which a process looks for its certificate: "robot/r1", or the kind alone where a team has one of it."""
+        """The name by which a process looks for its certificate: "robot/r1", or the kind alone where a team has one of it."""
         return f"{self.kind}/{self.name}" if self.kind in NAMED else self.kind
 
     @property
@@ -76,7 +76,7 @@ class CertificateHolder:
         return f"door/{self.team}/{self.common_name}"
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """The member as a JSON object."""
         return {
             "team": self.team,
             "kind": self.kind,

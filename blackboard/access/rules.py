@@ -153,7 +153,7 @@ def _rules(member: CertificateHolder) -> list[dict[str, Any]]:
 
 
 def _rules_between(other: CertificateHolder, may: Grant) -> list[dict[str, Any]]:
-    """Those of another site's router; doors stay at their own site, so that no process hears the wrong router."""
+    """The rules for another site's router. Doors stay at their own site, so that no process hears the wrong router."""
     who = other.who
     rows = [
         ("writes", "ingress", TELLS, may.writes),

@@ -176,7 +176,7 @@ def _space(namespace: str) -> str:
 
 
 def _certificate(flags: door.ZenohFlags, sources: RosTopics) -> str:
-    """As whom the bridge connects. UserError: with keys it speaks for several robots."""
+    """The member whose certificate the bridge connects with. UserError: with keys it speaks for several robots."""
     robots = sorted({*sources.poses, *sources.driven})
     if flags.keys is not None and len(robots) > 1:
         raise UserError(f"--keys: a certificate is one robot; run a bridge for each of {', '.join(robots)}")

@@ -49,7 +49,7 @@ class TeamStream:
         return len(moments)
 
     def _events(self, team: TeamFold) -> Iterator[Event]:
-        """Those that came after the last one that was noted."""
+        """The events that came after the last one that was noted."""
         events = list(team.events)
         known = next((n for n in range(len(events) - 1, -1, -1) if events[n] is self._noted), -1)
         for event in events[known + 1 :]:

@@ -45,12 +45,12 @@ class Noise:
         bearing: float,
         misread: float = 0.01,
     ) -> "Noise":
-        """The same of every robot: sigmas along, across and of the turn in motion, their share while it stands, those of sightings."""
+        """Equal noise of all robots: sigmas along, across and of the turn in motion, their share at a stand; and of sightings."""
         each, flat = np.tile(np.square(moving), (robots, 1)), np.ones(robots)
         return Noise(each, each * standing**2, floor * flat, share * flat, bearing * flat, misread * flat)
 
     def times(self, factor: float) -> "Noise":
-        """The same with all sigmas of the readings so many times as large."""
+        """The noise with the sigmas of all sightings times a factor."""
         return replace(self, floor=self.floor * factor, share=self.share * factor, bearing=self.bearing * factor)
 
     def range_variance(self, robot: Array, distance: Array) -> Array:

@@ -68,7 +68,7 @@ class _Soak:
     _times: dict[str, int] = field(default_factory=lambda: defaultdict(int))  # process -> troubles that it had
 
     def away(self) -> set[str]:
-        """Those who are troubled, or hold no token: of them nothing is expected."""
+        """The processes that are troubled, or hold no token: nothing is expected of them."""
         team, sight = self.scenario.team, self.team.sight
         boards = [board for sub_team in team.sub_teams for board in team.boards_of(sub_team)]
         return self._troubled | {name for name in (*team.robots, *boards) if not sight.holds(name)}

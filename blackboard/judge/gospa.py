@@ -48,7 +48,7 @@ def gospa(things: Array, tracks: Array, cut: float, power: float = POWER) -> Gos
 
 
 def assignment(costs: Array) -> list[tuple[int, int]]:
-    """As many pairs of a row and a column as there can be, at the least sum of their costs, shape (n, m); sorted by row.
+    """Pairs of a row and a column, min(n, m) of them, at the least sum of their `costs`, shape (n, m); sorted by row.
 
     Shortest augmenting paths: R. Jonker, A. Volgenant, Computing 38 (1987), 325-340.
     """

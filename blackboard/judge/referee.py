@@ -234,7 +234,7 @@ class Referee:
         return honesty
 
     def _subjects(self, group: str, among: Iterable[str]) -> list[str]:
-        """Those of a group among some subjects, sorted."""
+        """Which of some subjects are of a group, sorted."""
         mine = [subject for subject in among if subject.startswith(GROUPS.get(group, "robot/"))]
         if group == "objects":
             return sorted(mine)

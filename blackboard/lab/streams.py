@@ -55,7 +55,7 @@ Stream = Callable[[float], Sources]
 
 
 def sources(n: int, correlation: float = 0.0, factor: float = 1.0, **own: Any) -> Sources:
-    """As many equal sources, honest where nothing else is said."""
+    """`n` equal sources, honest where nothing else is said."""
     matrix = np.full((n, n), correlation)
     np.fill_diagonal(matrix, 1.0)
     return Sources(matrix, np.full(n, factor), np.zeros(n), **own)

@@ -20,7 +20,7 @@ from robot_agent.team import first_hand_of
 def joint_sizes(
     scenario: Scenario, parts: Sequence[tuple[Run, Sequence[int]]], number: int
 ) -> tuple[TeamSizeScores, ...]:
-    """As `score_sizes` with the joint in place of a rule, for some of a run's cases, with the sizes scored in them, at a time.
+    """What `score_sizes` does, with the joint in place of a rule: for some cases of a run, each with the sizes that are scored.
 
     The scenario is the variant that the cases come from. What a joint does not know is pooled by the default rule, as on a board.
     """

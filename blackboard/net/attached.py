@@ -66,7 +66,7 @@ class TwoRouters:
 
     @property
     def counters(self) -> dict[str, int]:
-        """Those of both; what their inbox counts is counted once."""
+        """The counters of both links; what their common inbox counts is counted once."""
         return (
             self._others.counters
             | self._team.counters

@@ -22,6 +22,6 @@ def quantile(share: float, freedom: int) -> float:
 
 
 def wilson_hilferty(share: float, freedom: float) -> float:
-    """The same for any degrees of freedom, within 3 % of itself from 2 on (Wilson and Hilferty, PNAS 17, 1931)."""
+    """The quantile for any degrees of freedom, within 3 % of itself from 2 on (Wilson and Hilferty, PNAS 17, 1931)."""
     part = 2.0 / (9.0 * freedom)
     return freedom * (1.0 - part + SIGMAS[share] * math.sqrt(part)) ** 3

@@ -158,7 +158,7 @@ def say(event: str, **fields: object) -> None:
 
 
 def _who(tokens: tuple[str, ...], name: str) -> str:
-    """As which member of a team a process looks for its certificate: by the token that it holds, else by its name."""
+    """The member whose certificate a process looks for: by the token that it holds, else by its name."""
     for token in tokens:
         topic, parts = parse(token) or (None, {})
         if topic is not None:

@@ -263,7 +263,7 @@ class Observer:
         return self._fold.teams.get(self._name) or TeamFold(self._name)
 
     def missing(self, tokens: frozenset[str]) -> frozenset[str]:
-        """Those of these tokens that are not alive."""
+        """Which of some tokens are not alive."""
         return tokens.difference(*(process.tokens for process in self._team.processes.values()))
 
     async def until_alive(self, tokens: frozenset[str]) -> None:

@@ -36,7 +36,7 @@ def beneath(stream: Any) -> TextIO:
 
 
 def in_lines(value: Any) -> Any:
-    """The same of maps, lists and texts, with texts that are parts of one line: a line break in them is an escape, too."""
+    """Maps, lists and texts with all texts printable in one line: a line break in them is an escape, too."""
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, dict):

@@ -52,7 +52,7 @@ class Alarms:
             del self._kept[over]
 
     def end(self, what: str, who: str, now: float) -> None:
-        """It is over at `now`."""
+        """End an alarm of a kind about a process or subject; one that is not there changes nothing."""
         known = self._kept.get((what, who))
         if known is not None and known.until is None:
             self._kept[what, who] = replace(known, until=now)

@@ -46,7 +46,7 @@ class Process:
         self.bytes += size
 
     def finished(self, tick: int, time: float, now: float) -> None:
-        """It has finished a tick; one that was finished already, and is repeated, does not count."""
+        """Note that the process has finished a tick; one that is repeated does not count."""
         if tick != self.tick:
             self._ticks.append(now)
         self.tick, self.time = tick, time

@@ -105,7 +105,7 @@ class Changes:
 
     @property
     def given(self) -> dict[str, object]:
-        """Those that are set, by their names."""
+        """The changes that were asked for, by their names."""
         defaults = Changes()
         return {
             f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != getattr(defaults, f.name)

@@ -84,7 +84,7 @@ class TapeWriter:
 
     @property
     def kept(self) -> int:
-        """Those of them that are in the file."""
+        """How many messages and events are in the file."""
         return self._out.kept
 
     @property

@@ -227,7 +227,7 @@ def top(source: TeamSource = TeamSource(), *, flags: door.ZenohFlags = door.Zeno
 
 
 def _in_the_background(source: TeamSource) -> TeamSource:
-    """The same source; beside a running team this process takes the processor last."""
+    """A source as it is; where its team runs, this process yields the processor to it."""
     if source.file is None:
         os.nice(NICE)
     return source

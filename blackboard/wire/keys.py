@@ -152,7 +152,7 @@ def writer(key: str) -> str | None:
 
 
 def identities(token: str) -> tuple[str, ...]:
-    """As whom the holder of a token may write: as itself in its sub-team, and where a key does not name the one or the other."""
+    """The identities that the holder of a token may write under: its own in its sub-team, and one without what a key may not name."""
     topic, parts = parse(token) or (None, {}) if len(token) <= LONGEST else (None, {})
     if topic is WORLD:
         return (f"{parts['team']}/world",)

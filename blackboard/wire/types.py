@@ -41,7 +41,7 @@ Point = Annotated[tuple[Finite, Finite], Listed]
 
 
 def capped(ancestors: Mapping[str, float], first: Callable[[], Collection[str]]) -> dict[str, float]:
-    """As many ancestors as a message may name: those in `first` before the others, by name; as they are where none is too many."""
+    """The ancestors, at most as many as a message may name: those in `first` are kept before the others, then by name."""
     if len(ancestors) <= MAX_OPINIONS:
         return dict(ancestors)
     known = first()

@@ -46,7 +46,7 @@ class Claim:
     fresh: Array
 
     def place(self) -> Moments:
-        """The same with all of its error."""
+        """The place, with all of its error."""
         return Moments(self.mean, self.lasting + self.fresh)
 
 

@@ -75,7 +75,7 @@ class Expected:
         return Innovation(factor.residual, self.spread + factor.noise)
 
     def of(self, rows: npt.NDArray[np.intp]) -> Expected:
-        """The same of some rows of the measurement."""
+        """What is expected of some rows of the measurement."""
         return Expected(self.cross[rows], self.spread[rows[:, np.newaxis], rows])
 
 

@@ -74,7 +74,7 @@ class MateScores:
         return MateScores(subjects, gradient, covariance)
 
     def without(self, subject: str) -> MateScores:
-        """Those of the others, whatever the offset of one subject is."""
+        """The scores of the other subjects, whatever the offset of one subject is."""
         if subject not in self.subjects:
             return self
         others = tuple(other for other in self.subjects if other != subject)

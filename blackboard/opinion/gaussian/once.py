@@ -27,7 +27,7 @@ class SettledOnce:
         self._newest: tuple[bytes, TeamJoint] | None = None
 
     def __call__(self, team: TeamJoint, tick: int, dt: float, reports: Sequence[Evidence]) -> TeamJoint:
-        """As `settle_alone`. Degenerate: as there."""
+        """Settle, or copy what was settled last from the same content. Degenerate: as `settle_alone`."""
         content = _content(team, tick, dt, sorted(reports, key=lambda evidence: (evidence.robot, evidence.epoch)))
         if self._newest is None or self._newest[0] != content:
             team.settle(tick, dt, reports)

@@ -90,7 +90,7 @@ class Frames:
         return frame(self.team, moment, self.number, past.at, chosen, json.loads(past.processes), past.mode)
 
     def past(self, begin: int) -> bytes:
-        """As JSON: the lines that are kept from number `begin` on, the number of the first of them, and how many were made."""
+        """The lines that are kept from number `begin` on, the number of the first of them, and how many were made: as JSON."""
         first = max(begin, self.made - len(self._past))
         lines = list(self._past)[len(self._past) - (self.made - first) :] if first < self.made else []
         head = f'{{"first":{first},"made":{self.made},"lines":['.encode()
