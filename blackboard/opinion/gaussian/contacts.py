@@ -25,6 +25,7 @@ import numpy as np
 
 from blackboard.opinion.believed import REMEMBERED, accusers
 from blackboard.opinion.chi_squared import GATE, SIGMAS, quantile, wilson_hilferty
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES
@@ -81,17 +82,13 @@ class Contact:
 
 
 @dataclass
-class Contacts:
+class Contacts(Copyable):
     """Mutable; `correct` once per robot and tick, then `judge` all things of which robots spoke."""
 
     _pairs: dict[tuple[str, str], Contact] = field(default_factory=dict)
     # robot -> - ln(the share of its first error that is left)
     _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     _reckoned: dict[str, tuple[float, float]] = field(default_factory=dict)  # robot -> variances: reckoned, and in all
-
-    def copy(self) -> "Contacts":
-        """The same, which may be changed without changing this one."""
-        return Contacts(dict(self._pairs), self._corrected.copy(), dict(self._reckoned))
 
     def correct(self, robot: str, belief: Moments, increment: Increment | None) -> None:
         """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place.

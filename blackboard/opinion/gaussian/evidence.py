@@ -9,6 +9,7 @@ from typing import Literal
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.coalitions import Choice
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.naming import Unnamed
@@ -63,7 +64,7 @@ class Verdict:
 
 
 @dataclass
-class UnusedCounts:
+class UnusedCounts(Copyable):
     """Counters of what was not used, by reason."""
 
     repeated: int = 0  # reports of a tick that is settled already

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, wilson_hilferty
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Factor, squared_distance
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import AXES
@@ -37,17 +38,13 @@ class Trail:
 
 
 @dataclass
-class Freshness:
+class Freshness(Copyable):
     """Mutable; `pass_time` once per tick, `on_sighting` once per sighting, before any of the tick's is taken."""
 
     _trails: dict[tuple[str, str, str], Trail] = field(default_factory=dict)  # observer, subject and kind of sighting
     #: Observer -> -2 ln p of the newest differences of all its pairs.
     _observers: dict[str, tuple[float, ...]] = field(default_factory=dict)
     _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
-
-    def copy(self) -> "Freshness":
-        """The same, which may be changed without changing this one."""
-        return Freshness(dict(self._trails), dict(self._observers), dict(self._held))
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""

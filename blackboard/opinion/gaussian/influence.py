@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.coalitions import KNOWN
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Joint
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array
@@ -31,7 +32,7 @@ MOST = 30_000  # numbers in all C: 19 robots, or 6 and 29 objects; in larger tea
 
 
 @dataclass
-class Influence:
+class Influence(Copyable):
     """Mutable. Robots are the sources, in the order in which they came; places are x and y of robots and objects."""
 
     _sources: list[str] = field(default_factory=list)
@@ -40,12 +41,6 @@ class Influence:
     _honest: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))  # C, shape (sources, 2 places, 2 places)
     # Object -> how far it went as it was seen to move, shape (2,).
     _went: dict[str, Array] = field(default_factory=dict)
-
-    def copy(self) -> "Influence":
-        """The same, which may be changed without changing this one."""
-        return Influence(
-            list(self._sources), list(self._places), self._moved.copy(), self._honest.copy(), dict(self._went)
-        )
 
     def is_counted(self, robots: int) -> bool:
         """Whether a team of so many is small enough."""

@@ -11,20 +11,17 @@ from functools import lru_cache
 
 from blackboard.opinion.believed import ENOUGH, MOST_NOISE, WINDOW
 from blackboard.opinion.chi_squared import MEDIAN, quantile
+from blackboard.opinion.gaussian.copying import Copyable
 
 LEAST = 0.1  # of the share: with less, what was seen says more of the belief than of the source
 Source = tuple[str, str]  # a robot, and the kind of its evidence
 
 
 @dataclass
-class Innovations:
+class Innovations(Copyable):
     """Mutable; `judge` once per piece of evidence, before it is scaled or left out."""
 
     _ratios: dict[Source, tuple[float, ...]] = field(default_factory=dict)
-
-    def copy(self) -> "Innovations":
-        """The same, which may be changed without changing this one."""
-        return Innovations(dict(self._ratios))
 
     def judge(self, source: Source, squared: float, freedom: int, share: float = 1.0) -> None:
         """Take the squared distance of a piece of evidence as it was claimed, with its degrees of freedom.

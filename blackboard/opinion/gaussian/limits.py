@@ -17,9 +17,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Profile, Relative, triangle, upper
@@ -34,16 +36,18 @@ LEAST = 1e-4  # share of a beginning that always counts, so that its covariance 
 
 
 @dataclass
-class Limits:
+class Limits(Copyable):
     """Mutable; `pass_time` once per tick, the rest in the order of the joint's steps. With `sharpest` 0 nothing is bounded."""
 
     sharpest: float = 0.0
     _alone: dict[str, Joint] = field(default_factory=dict)  # robot -> what it alone says of itself
     _entries: dict[str, float] = field(default_factory=dict)  # robot -> beginnings that would count in full
 
-    def copy(self) -> Limits:
+    def copy(self) -> Self:
         """The same, which may be changed without changing this one."""
-        return Limits(self.sharpest, {robot: own.copy() for robot, own in self._alone.items()}, dict(self._entries))
+        other = super().copy()
+        other._alone = {robot: own.copy() for robot, own in self._alone.items()}
+        return other
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
@@ -96,7 +97,7 @@ NO_MATES = MateScores((), np.zeros(0), np.zeros((0, 0)))
 
 
 @dataclass
-class Offsets:
+class Offsets(Copyable):
     """Mutable; `pass_time` once per tick, `on_sightings` once per observer."""
 
     _all: dict[str, OffsetScore] = field(default_factory=dict)  # observer -> of all that it sees
@@ -104,10 +105,6 @@ class Offsets:
     _pairs: dict[tuple[str, str], OffsetScore] = field(default_factory=dict)
     _mates: dict[str, MateScores] = field(default_factory=dict)  # observer -> of each that it sees
     _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
-
-    def copy(self) -> Offsets:
-        """The same, which may be changed without changing this one."""
-        return Offsets(dict(self._all), dict(self._pairs), dict(self._mates), dict(self._held))
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""

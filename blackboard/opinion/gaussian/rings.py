@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import NEAREST, Relative
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in
@@ -67,7 +68,7 @@ class _Columns(NamedTuple):
 
 
 @dataclass
-class Ring:
+class Ring(Copyable):
     """Mutable: what was seen of one thing. `walk` is how it moves, unit / sqrt(s); `finder` is the robot that saw it first.
 
     `sharpest` is the least sigma (unit) of a place that a sensor can tell, as in `limits`. For a bearing it needs the distance, which
@@ -78,10 +79,6 @@ class Ring:
     finder: str = ""
     sharpest: float = 0.0
     _lines: list[Line] = field(default_factory=list)
-
-    def copy(self) -> "Ring":
-        """The same, which may be changed without changing this one."""
-        return Ring(self.walk, self.finder, self.sharpest, self._lines.copy())
 
     def add(self, line: Line) -> None:
         """Keep a sighting, and forget those that are old; of too many, the older of the two of a kind from the nearest places."""

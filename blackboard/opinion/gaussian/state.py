@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -14,6 +14,7 @@ from blackboard.opinion.gaussian.absent import Absent
 from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Contacts
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.evidence import UnusedCounts, Verdict
 from blackboard.opinion.gaussian.freshness import Freshness
 from blackboard.opinion.gaussian.influence import Influence
@@ -78,7 +79,7 @@ class Known:
 
 
 @dataclass
-class TeamState:
+class TeamState(Copyable):
     """Mutable. Robots and objects are named as subjects: `robot/r1`, `object/ball`."""
 
     objects: Objects = field(default_factory=Objects)
@@ -115,33 +116,11 @@ class TeamState:
     used: dict[str, dict[BiasBlock, float]] = field(default_factory=dict)
 
     def copy(self) -> Self:
-        """The same, which may be changed without changing this one; what is not changed in place is shared."""
-        return replace(
-            self,
-            joint=self.joint.copy(),
-            tally=replace(
-                self.tally,
-                verdicts=list(self.tally.verdicts),
-                choices=dict(self.tally.choices),
-                unnamed=list(self.tally.unnamed),
-            ),
-            trust=self.trust.copy(),
-            contacts=self.contacts.copy(),
-            innovations=self.innovations.copy(),
-            offsets=self.offsets.copy(),
-            influence=self.influence.copy(),
-            freshness=self.freshness.copy(),
-            walks=self.walks.copy(),
-            limits=self.limits.copy(),
-            naming=self.naming.copy(),
-            tracks=self.tracks.copy(),
-            absent=dict(self.absent),
-            rings={subject: ring.copy() for subject, ring in self.rings.items()},
-            known=dict(self.known),
-            early=dict(self.early),
-            seen=dict(self.seen),
-            used={observer: dict(used) for observer, used in self.used.items()},
-        )
+        """The same, which may be changed without changing this one."""
+        other = super().copy()
+        other.rings = {subject: ring.copy() for subject, ring in self.rings.items()}
+        other.used = {observer: dict(used) for observer, used in self.used.items()}
+        return other
 
     def drop(self, subject: str) -> None:
         """Forget a subject, and the lasting errors of what it saw and of sightings of it."""

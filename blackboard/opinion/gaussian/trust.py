@@ -8,17 +8,14 @@ entered at a wrong place. Where two equally large camps contradict each other, n
 from dataclasses import dataclass, field
 
 from blackboard.opinion.believed import ACCUSED, FEWEST, REDEEMED_PAIR, Pair, Verdicts, accusers, camps_of
+from blackboard.opinion.gaussian.copying import Copyable
 
 
 @dataclass
-class Trust:
+class Trust(Copyable):
     """Mutable; `judge` once per relative belief, in the order in which they are settled."""
 
     _pairs: dict[tuple[str, str], Verdicts] = field(default_factory=dict)  # observer and subject
-
-    def copy(self) -> "Trust":
-        """The same, which may be changed without changing this one."""
-        return Trust(dict(self._pairs))
 
     def judge(self, observer: str, subject: str, agrees: bool) -> None:
         """Take a verdict of the gate on what an observer says of a subject."""
