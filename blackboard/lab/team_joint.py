@@ -32,10 +32,7 @@ def joint_sizes(
     joints = {team(robot, robots, size): TeamJoint(objects) for robot in robots for size in sizes}
     by_part = tuple(TeamSizeScores() for _ in parts)
     for tick in played(scenario):
-        evidence = {}
-        for one in tick.readings:
-            own = filters[one.robot]
-            evidence[one.robot] = own.step(one).evidence(own.robot, tick.number, one.time, own.sensors.wheels.nuisance)
+        evidence = {one.robot: filters[one.robot].step(one) for one in tick.readings}
         for members, joint in joints.items():
             joint.settle(tick.number, tick.dt, [evidence[robot] for robot in sorted(members)])
         for scores, (run, some) in zip(by_part, parts, strict=True):

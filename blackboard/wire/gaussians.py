@@ -11,6 +11,7 @@ import numpy as np
 from blackboard.errors import Refused
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.cameras import CameraFound
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured, triangle, upper
@@ -39,17 +40,9 @@ NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
 # --- ours to the wire ------------------------------------------------------------------------------------------------------
 
 
-def pack_evidence(
-    epoch: int,
-    travelled: Motion,
-    nuisance: Nuisance,
-    state: Moments | None,
-    increment: Increment | None,
-    relatives: Sequence[Relative],
-    returned: Moments | None = None,
-    camera: CameraFound | None = None,
-) -> PackedEvidence:
+def pack_evidence(evidence: Evidence) -> PackedEvidence:
     """The evidence of one tick for a Report, but for a sighting with an error that no message holds; the profile is sent once."""
+    relatives, returned, camera = evidence.relatives, evidence.returned, evidence.camera
     errors = [
         (sighting.range_variance, sighting.bearing_variance, *(bias.sigma for bias in sighting.biases))
         for sighting in relatives
@@ -59,13 +52,13 @@ def pack_evidence(
     # A message holds one profile, for all its sightings or for none.
     if not all(sighting.profile for sighting in told):
         told = [sighting.without_profile() for sighting in told]
-    states = STATES if any(nuisance.sigmas[6:]) else FORMER
+    states = STATES if any(evidence.nuisance.sigmas[6:]) else FORMER
     return PackedEvidence(
-        epoch=epoch,
-        travelled=_packed_motion(travelled),
-        nuisance=_packed_nuisance(nuisance, states),
-        state=None if state is None else pack_state(state, states),
-        increment=None if increment is None else _packed_increment(increment, states),
+        epoch=evidence.epoch,
+        travelled=_packed_motion(evidence.travelled),
+        nuisance=_packed_nuisance(evidence.nuisance, states),
+        state=None if evidence.belief is None else pack_state(evidence.belief, states),
+        increment=None if evidence.increment is None else _packed_increment(evidence.increment, states),
         relatives=[
             PackedRelative(
                 range=sighting.range,

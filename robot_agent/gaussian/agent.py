@@ -8,7 +8,7 @@ the team agreed that it was, moved on by what it measured since.
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -102,11 +102,7 @@ class JointAgent:
             moved = self._moved_on(shown, Step(readings.time, told.motion, None))
             assert moved is not None
             self.filter.independence.judge(self.subject, self.filter.gain, shown, moved)
-        nuisance = self.filter.sensors.wheels.nuisance
-        returned = self._returned(readings.time, told)
-        evidence = pack_evidence(
-            told.epoch, told.travelled, nuisance, told.belief, told.unsent, told.relatives, returned, told.camera
-        )
+        said = replace(told, increment=told.unsent, returned=self._returned(readings.time, told))
         # It has none to begin with, and looks for its place itself.
         if told.belief is None and isinstance(self.filter, Given):
             self._time = readings.time
@@ -117,7 +113,7 @@ class JointAgent:
             self.searching = None
             reports, solo = self._report(readings, told)
         self._time = readings.time
-        told_own = {"evidence": evidence, "unnamed": []}  # the evidence has what it cannot name
+        told_own = {"evidence": pack_evidence(said), "unnamed": []}  # the evidence has what it cannot name
         return [r.model_copy(update=told_own) if r.subject == self.subject else r for r in reports], solo
 
     def pose(self) -> Moments | None:
@@ -202,8 +198,7 @@ class JointAgent:
 
     def _firsthand(self, readings: Readings, told: FilterResult) -> dict[str, Belief]:
         """The beliefs about this robot, the objects that it knows, and the mates that it sees in this tick."""
-        evidence = told.evidence(self.subject, readings.tick, readings.time, self.filter.sensors.wheels.nuisance)
-        self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [evidence])
+        self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [told])
         known = {subject: self.own.marginal(subject) for subject in {self.subject, *self.own.subjects()}}
         mates = [
             r

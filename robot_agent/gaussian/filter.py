@@ -15,7 +15,6 @@ import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.classes import is_class
-from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
@@ -31,7 +30,6 @@ from blackboard.opinion.gaussian.vehicle import (
     POSE,
     STATES,
     Motion,
-    Nuisance,
     X,
     correct,
     drive,
@@ -63,23 +61,12 @@ STRAYED = 0.7  # radians: a robot without a compass that may have turned more, u
 
 
 @dataclass(frozen=True, eq=False)
-class FilterResult:
-    """The result of a tick: the fields of `blackboard.opinion.gaussian.evidence.Evidence` without the robot and the tick."""
+class FilterResult(Evidence):
+    """The evidence of a tick, and what the robot itself needs to know of the tick."""
 
-    epoch: int
-    travelled: Motion
-    belief: Moments | None
-    increment: Increment | None
-    relatives: tuple[Relative, ...]
     motion: Motion = field(default_factory=Motion)  # of the tick alone
     #: What was gained since the evidence that was sent last; the same as `increment` if that was a tick ago.
     unsent: Increment | None = None
-    camera: CameraFound | None = None  # the estimate of the camera's noise
-
-    def evidence(self, robot: str, tick: int, time: float, nuisance: Nuisance) -> Evidence:
-        """What a robot with this nuisance reports of the tick, which ends at a team time (s); `robot` is its subject."""
-        said = self.travelled, nuisance, self.belief, self.increment, self.relatives
-        return Evidence(robot, self.epoch, tick, *said, time, camera=self.camera)
 
 
 @dataclass
@@ -151,8 +138,9 @@ class FirstHand:
         others += self._unnamed(readings, motion.dt)
         if self._gave_up(readings, team, apart):
             increment = unsent = None
+        said = self.travelled, self.sensors.wheels.nuisance, self.belief, increment, others, readings.time
         camera = self.camera.found(self.sensors.camera)
-        return FilterResult(self.epoch, self.travelled, self.belief, increment, others, motion, unsent, camera)
+        return FilterResult(self.robot, self.epoch, readings.tick, *said, camera=camera, motion=motion, unsent=unsent)
 
     def _named(self, readings: Readings, team: Joint | None, motion: Motion) -> Named:
         """Recognise landmarks by where the team, if it is plausible, or else the own belief has the robot."""

@@ -117,7 +117,8 @@ class Given(FirstHand):
         )
         further += tuple(self.sensors.unnamed(self.robot, readings, self._turned, motion.dt))
         told = tuple(relatives[name] for name in sorted(relatives)) + further
-        return FilterResult(self.epoch, self.travelled, self.belief, increment, told, motion, unsent)
+        said = self.travelled, self.sensors.wheels.nuisance, self.belief, increment, told, readings.time
+        return FilterResult(self.robot, self.epoch, readings.tick, *said, motion=motion, unsent=unsent)
 
     def enter(self, pose: Moments) -> None:
         """A pose from a grid is of no use: the own filter knows better."""

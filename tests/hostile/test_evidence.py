@@ -8,6 +8,7 @@ import pytest
 
 from blackboard.errors import Refused
 from blackboard.opinion.gaussian.contacts import Claim, Contacts
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import FARTHEST, Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
@@ -147,9 +148,8 @@ def farthest(rng: np.random.Generator, name: str) -> float:
 
 def test_a_robot_with_absurd_readings_says_what_a_message_can_hold_and_is_refused() -> None:
     far = Moments(np.full(9, 1e300), np.eye(9) * 1e13)
-    said = pack_evidence(
-        0, Motion(distance=-1e15, along=1e20), Nuisance(), far, Increment(far.mean, far.covariance, far.mean), []
-    )
+    increment = Increment(far.mean, far.covariance, far.mean)
+    said = pack_evidence(Evidence("robot/r1", 0, 0, Motion(distance=-1e15, along=1e20), Nuisance(), far, increment))
     with pytest.raises(Refused, match="fields"):
         new_desk().take_evidence("r1", 0, 0.0, said, own=True)
 

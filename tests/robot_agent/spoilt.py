@@ -133,8 +133,7 @@ def recorded(
         for readings in tick.readings:
             robot = f"robot/{readings.robot}"
             at = joint.pose(robot) if joint.knows(robot) else None
-            result = filters[robot].step(_spoilt(readings, spoil, random), at)
-            evidence.append(result.evidence(robot, tick.number, readings.time, sensors.wheels.nuisance))
+            evidence.append(filters[robot].step(_spoilt(readings, spoil, random), at))
         joint.settle(tick.number, tick.dt, evidence)
         each(joint)
         for robot in filters if tick.judged and tick.truth.time >= after else ():

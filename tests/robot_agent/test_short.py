@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.board.joint.evidence import shrank, unpack
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained, likelihood
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
@@ -46,7 +47,9 @@ def evidence(
     state: Moments | None = None, increment: Increment | None = None, motion: Motion | None = None
 ) -> PackedEvidence:
     relative = Relative("robot/r1", "robot/r2", 3.3, 0.3, 0.1, 0.01, 0.1, (Bias(0.1, 100.0),), "g", PROFILE)
-    return pack_evidence(0, motion or Motion(), Nuisance(0.9, 0.95, (0.1,) * 9), state, increment, (relative,))
+    return pack_evidence(
+        Evidence("robot/r1", 0, 0, motion or Motion(), Nuisance(0.9, 0.95, (0.1,) * 9), state, increment, (relative,))
+    )
 
 
 def moved(before: Moments, increment: Increment) -> Moments:

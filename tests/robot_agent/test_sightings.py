@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
@@ -20,9 +21,9 @@ ENTROPY = math.log(2 * math.pi * math.e * 0.04 / GRID.cell**2)  # of a place wit
 
 def evidence(*subjects: str, bias: float = 0.0, profile: tuple[tuple[float, float], ...] = ()) -> PackedEvidence:
     biases = (Bias(bias, 100.0),) if bias else ()
-    relatives = [Relative("robot/r1", s, 2.0, 0.1, 0.01, 0.0001, biases=biases, profile=profile) for s in subjects]
+    relatives = (Relative("robot/r1", s, 2.0, 0.1, 0.01, 0.0001, biases=biases, profile=profile) for s in subjects)
     travelled = Motion(10.0, 0.0, 10.0, 10.0, 0.01, 0.001, 0.01)
-    return pack_evidence(0, travelled, Nuisance(), PLACE, None, relatives)
+    return pack_evidence(Evidence("robot/r1", 0, 0, travelled, Nuisance(), PLACE, None, tuple(relatives)))
 
 
 def news(sightings: Sightings, packed: PackedEvidence, time: float, mine: Moments | None = PLACE) -> dict[str, float]:

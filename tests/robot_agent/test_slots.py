@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from blackboard.errors import UserError
 from blackboard.lab.team import InProcessTeam
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.relation import measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.wire import keys
@@ -32,7 +33,8 @@ def evidence(time: float, turn: float, values: tuple[float, ...], kind: str, epo
     """What a robot says that turned so far, and sees a ball now."""
     spread = {"range": [0.01], "bearing": [0.001], "position": [0.01, 0.0, 0.02], "pose": [0.01, 0, 0, 0.02, 0, 0.001]}
     sighting = measured(kind, "robot/r1", "object/ball", values, spread[kind])  # type: ignore[arg-type]
-    return pack_evidence(epoch, Motion(turn=turn, dt=time, moving=time), Nuisance(), None, None, [sighting])
+    motion = Motion(turn=turn, dt=time, moving=time)
+    return pack_evidence(Evidence("robot/r1", epoch, 0, motion, Nuisance(), relatives=(sighting,)))
 
 
 @given(

@@ -7,6 +7,7 @@ import numpy as np
 
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.gaussian.cameras import CameraFound
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
@@ -89,29 +90,33 @@ CONSENSUS = Consensus(
 AGREED = CONSENSUS.model_copy(update={"level": "agreed"})
 STATE = Moments(np.arange(9.0), np.diag(np.arange(1.0, 10.0)))
 EVIDENCE = pack_evidence(
-    2,
-    Motion(1.0, 0.5, 0.2, 0.2, 0.01, 0.001, 0.002),
-    Nuisance(0.9, 0.95, (0.05, 0.03, 0.003, 0.008, 0.25, 0.02), (0.003, 0.0, 0.0002), (300.0, 2.3, 300.0)),
-    STATE,
-    Increment(np.arange(9.0), np.eye(9), np.ones(9)),
-    [
-        Relative(
-            observer="robot/r1",
-            subject="robot/r2",
-            range=2.0,
-            bearing=-0.5,
-            range_variance=0.01,
-            bearing_variance=0.001,
-            age=0.05,
-            biases=(Bias(0.1, 7.0),),
-            group="post",
-            profile=((1.0, 0.5), (3.0, 0.25)),
+    Evidence(
+        "robot/r1",
+        2,
+        0,
+        Motion(1.0, 0.5, 0.2, 0.2, 0.01, 0.001, 0.002),
+        Nuisance(0.9, 0.95, (0.05, 0.03, 0.003, 0.008, 0.25, 0.02), (0.003, 0.0, 0.0002), (300.0, 2.3, 300.0)),
+        STATE,
+        Increment(np.arange(9.0), np.eye(9), np.ones(9)),
+        (
+            Relative(
+                observer="robot/r1",
+                subject="robot/r2",
+                range=2.0,
+                bearing=-0.5,
+                range_variance=0.01,
+                bearing_variance=0.001,
+                age=0.05,
+                biases=(Bias(0.1, 7.0),),
+                group="post",
+                profile=((1.0, 0.5), (3.0, 0.25)),
+            ),
+            measured("position", "robot/r1", "object/ball", (1.0, 2.0), (0.1, 0.05, 0.2), 0.05),
+            measured("range", "robot/r1", "robot/r3", (3.0,), (0.1,), 0.05, (Bias(0.1, 7.0),), "uwb"),
         ),
-        measured("position", "robot/r1", "object/ball", (1.0, 2.0), (0.1, 0.05, 0.2), 0.05),
-        measured("range", "robot/r1", "robot/r3", (3.0,), (0.1,), 0.05, (Bias(0.1, 7.0),), "uwb"),
-    ],
-    STATE,
-    CameraFound((0.03, 0.07, 0.02), (0.5, 0.2), (-0.25, 0.1)),
+        returned=STATE,
+        camera=CameraFound((0.03, 0.07, 0.02), (0.5, 0.2), (-0.25, 0.1)),
+    )
 )
 FORWARD = Forward(
     board="a1",

@@ -3,6 +3,7 @@
 import numpy as np
 
 from blackboard.opinion.belief import gaussian
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Relative
@@ -21,7 +22,8 @@ def report(heading: float = 0.5) -> Report:
     covariance = np.diag([0.4, 0.4, 0.01, *[1e-4] * (STATES - 3)])
     relative = Relative("robot/r1", "robot/r2", range=3.0, bearing=-0.2, range_variance=0.04, bearing_variance=0.01)
     increment = Increment(mean.copy(), np.diag([4.0, 4.0, *[0.0] * (STATES - 2)]), np.ones(STATES))
-    evidence = pack_evidence(0, Motion(1.0), Nuisance(), Moments(mean, covariance), increment, [relative])
+    state = Moments(mean, covariance)
+    evidence = pack_evidence(Evidence("robot/r1", 0, 0, Motion(1.0), Nuisance(), state, increment, (relative,)))
     belief = pack(gaussian(GRID, (7.0, 8.0), 0.6))
     return Report(
         source="r1",

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from blackboard.board.joint.evidence import unpack
 from blackboard.errors import Refused
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
@@ -19,7 +21,6 @@ from blackboard.wire.gaussians import (
     pack_evidence,
     pack_state,
     pose_of,
-    unpack_camera,
     unpack_increment,
     unpack_motion,
     unpack_nuisance,
@@ -30,32 +31,26 @@ from blackboard.wire.types import LARGEST
 from tests.wire.messages import EVIDENCE, FORWARD, STATE, as_map
 
 
+def told(*relatives: Relative) -> Evidence:
+    return Evidence("robot/r1", 0, 0, Motion(), Nuisance(), relatives=relatives)
+
+
 def test_evidence_is_read_back_as_it_was() -> None:
     (evidence,) = decode(Forward, encode(FORWARD)).evidence
     assert evidence.evidence == EVIDENCE
-    again = pack_evidence(
-        EVIDENCE.epoch,
-        unpack_motion(EVIDENCE.travelled),
-        unpack_nuisance(EVIDENCE.nuisance),
-        unpack_state(EVIDENCE.state) if EVIDENCE.state else None,
-        unpack_increment(EVIDENCE.increment) if EVIDENCE.increment else None,
-        unpack_relatives(EVIDENCE, "robot/r1"),
-        unpack_state(EVIDENCE.returned) if EVIDENCE.returned else None,
-        unpack_camera(EVIDENCE.camera) if EVIDENCE.camera else None,
-    )
-    assert again == EVIDENCE
+    assert pack_evidence(unpack("r1", 0, 0.0, EVIDENCE)) == EVIDENCE
 
 
 def test_a_sighting_of_a_class_is_read_back_with_its_confidence_and_its_number() -> None:
     plain = Relative("robot/r1", "robot/?", 2.0, 0.0, 0.1, 0.1, confidence=0.75, mark=3)
     place = replace(measured("position", "robot/r1", "person/?", (1.0, 2.0), (0.1, 0.0, 0.1)), confidence=0.5, mark=0)
-    packed = pack_evidence(0, Motion(), Nuisance(), None, None, [plain, place])
+    packed = pack_evidence(told(plain, place))
     assert set(unpack_relatives(packed, "robot/r1")) == {plain, place}
 
 
 def test_who_names_a_robot_cannot_say_that_it_did_not() -> None:
     named = Relative("robot/r1", "robot/r2", 2.0, 0.0, 0.1, 0.1, mark=3)
-    (relative,) = unpack_relatives(pack_evidence(0, Motion(), Nuisance(), None, None, [named]), "robot/r1")
+    (relative,) = unpack_relatives(pack_evidence(told(named)), "robot/r1")
     assert relative.mark is None
 
 
@@ -68,7 +63,7 @@ def test_what_is_no_class_is_refused(subject: str) -> None:
 def test_beside_a_sighting_without_a_profile_the_others_have_the_variances_at_their_ranges() -> None:
     by_profile = Relative("robot/r1", "robot/r2", 2.0, 0.0, 9.0, 9.0, profile=((1.0, 0.5), (3.0, 0.3)))
     plain = Relative("robot/r1", "object/ball", 1.0, 0.0, 0.2, 0.1)
-    packed = pack_evidence(0, Motion(), Nuisance(), None, None, [by_profile, plain])
+    packed = pack_evidence(told(by_profile, plain))
     first, second = unpack_relatives(packed, "robot/r1")
     assert (first.range_variance, first.bearing_variance) == pytest.approx((0.4, 0.1))
     assert (second.range_variance, second.bearing_variance, second.profile) == (0.2, 0.1, ())
@@ -125,7 +120,7 @@ def test_a_number_that_is_none_or_too_large_is_refused(path: tuple[str | int, ..
 )
 def test_a_sighting_whose_error_no_message_holds_is_left_out(error: dict[str, Any]) -> None:
     sound = Relative("robot/r1", "object/ball", 2.0, 0.1, 0.01, 0.001)
-    packed = pack_evidence(0, Motion(1.0), Nuisance(), None, None, [replace(sound, **error), sound])
+    packed = pack_evidence(told(replace(sound, **error), sound))
     assert [relative.range_variance for relative in packed.relatives] == [0.01]
 
 
@@ -167,7 +162,8 @@ def test_scales_by_kind_of_motion_travel_and_a_robot_without_them_sends_none() -
     wide = Nuisance(sigmas=(0.1,) * 9, walks=(0.01,) * 6)
     block = Moments(np.arange(1.0, STATES + 1), np.diag(np.arange(1.0, STATES + 1)))
     motion = Motion(1.0, 0.2, 1.0, 1.0, 0.1, 0.1, 0.1, 0.5, 0.2, -0.3, 0.4)
-    packed = pack_evidence(0, motion, wide, block, Increment(block.mean, block.covariance, block.mean), [])
+    increment = Increment(block.mean, block.covariance, block.mean)
+    packed = pack_evidence(Evidence("robot/r1", 0, 0, motion, wide, block, increment))
     assert packed.state is not None
     assert packed.increment is not None
     assert unpack_motion(packed.travelled) == motion
@@ -177,7 +173,7 @@ def test_scales_by_kind_of_motion_travel_and_a_robot_without_them_sends_none() -
     )
     assert np.array_equal(unpack_state(packed.state).covariance, block.covariance)
     assert np.array_equal(unpack_increment(packed.increment).vector, block.mean)
-    former = pack_evidence(0, motion, Nuisance(), block, None, [])
+    former = pack_evidence(Evidence("robot/r1", 0, 0, motion, Nuisance(), block))
     assert former.state is not None
     assert (len(former.state.mean), len(former.state.covariance), len(former.nuisance.sigmas)) == (9, 45, 6)
     assert unpack_nuisance(former.nuisance) == Nuisance()

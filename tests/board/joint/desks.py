@@ -8,6 +8,7 @@ import numpy as np
 from blackboard.board.joint.desk import JointDesk
 from blackboard.config import BoardSection
 from blackboard.opinion.ageing import Ageing
+from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, entering
 from blackboard.opinion.grid import Grid
@@ -28,7 +29,7 @@ def new_desk(**settings: object) -> JointDesk:
 def at(x: float, y: float, *, travelled: float = 0.0, sees: PackedRelative | None = None) -> PackedEvidence:
     """A robot that stands at a place, known to one cell, with its heading known to 0.05 rad."""
     state = entering(Moments(np.array([x, y, 0.0]), np.diag([1.0, 1.0, 0.0025])), Nuisance())
-    evidence = pack_evidence(0, Motion(distance=travelled, along=0.01), Nuisance(), state, None, [])
+    evidence = pack_evidence(Evidence("robot/r1", 0, 0, Motion(distance=travelled, along=0.01), Nuisance(), state))
     return evidence if sees is None else evidence.model_copy(update={"relatives": [sees]})
 
 

@@ -254,11 +254,7 @@ def test_a_robot_with_one_joint_of_its_own_agrees_with_its_filter() -> None:
     own, desk = FirstHand("robot/r1", sensors_of(RobotSection())), new_desk()
     for tick in range(12):
         result = own.step(readings(tick, fix=(10, 10 + 0.1 * tick) if tick % 4 == 0 else None))
-        nuisance = own.sensors.wheels.nuisance
-        packed = pack_evidence(
-            result.epoch, result.travelled, nuisance, result.belief, result.increment, result.relatives
-        )
-        desk.take_evidence("r1", tick, 0.5 * tick, packed, own=True)
+        desk.take_evidence("r1", tick, 0.5 * tick, pack_evidence(result), own=True)
         desk.settle(0.5 * tick, MAKE)
         assert own.belief is not None
         assert desk.team.pose("robot/r1").mean == pytest.approx(own.belief.mean, abs=1e-3)
