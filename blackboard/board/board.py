@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from blackboard.board import learning
 from blackboard.board.clusters import Clusters
 from blackboard.board.dissent import DissentJudge
 from blackboard.board.entries import Entries, Entry
@@ -79,7 +78,7 @@ class Board:
         self._entries: Entries[str] = Entries(grid.size)  # of robots: their newest reports
         self._consensuses = Entries(grid.size, (sub_team, board))  # of boards, by sub-team and name
         #: how far each source is believed: of robots, and of sub-teams
-        self._sources = {level: LevelRecord(Learner(), DissentJudge(level)) for level in ("consensus", "agreed")}
+        self._sources = {level: LevelRecord(Learner(level), DissentJudge(level)) for level in ("consensus", "agreed")}
         counters = Counter() if counters is None else counters
         is_apart = settings.fusion == "opinions"
         self.joint = None if is_apart else JointDesk(grid, settings, counters, self.ageing, settle)
@@ -229,7 +228,7 @@ class Board:
         """
         dissents = [of.dissent for of in self._sources.values()]
         dissents += [] if self.joint is None else [self.joint.dissent]
-        learned = [_learned_message(level, one) for level, of in self._sources.items() for one in of.learner.learned()]
+        learned = [one for of in self._sources.values() for one in of.learner.learned()]
         return {"learned": learned, "dissent": [one for dissent in dissents for one in dissent.named()]}
 
     def memory(self, level: str) -> PackedMemory:
@@ -323,15 +322,11 @@ class Board:
             rule=str(parameters.pop("rule")),
             parameters=parameters,
             outcome=fusion.outcome,
-            learned=[_learned_message(level, one) for one in fusion.learned],
+            learned=fusion.learned,
             dissent=dissent.named({share.opinion.source for share in fusion.shares}),
             camps=camps,
             unnamed=[] if self.clusters is None else may_be(subject, self.clusters.unnamed),
         )
-
-
-def _learned_message(level: str, one: learning.LearnedSource) -> Learned:
-    return Learned(level=level, **vars(one))  # type: ignore[arg-type]
 
 
 def _left_out(silent: dict[str, float]) -> list[LeftOut]:

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from blackboard.board.dissent import DissentJudge, distance
-from blackboard.board.learning import Advice, LearnedSource, Learner
+from blackboard.board.learning import Advice, Learner
 from blackboard.config import BoardSection
 from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict_of
 from blackboard.opinion.belief import Belief, uniform
@@ -25,6 +25,7 @@ from blackboard.opinion.provenance import Opinion, split, union
 from blackboard.opinion.rules import Outcome, Rule
 from blackboard.opinion.vectors import tempered
 from blackboard.opinion.weights import entropy_of, entropy_weights
+from blackboard.wire.messages import Learned
 
 #: Two overlapping beliefs whose Bhattacharyya coefficient is below this contradict each other. Equally wide Gaussians do so
 #: that are just over 6 sigma apart: exp(-6^2 / 8) = 0.011.
@@ -65,7 +66,7 @@ class Fusion:
     conflict: bool
     rule: Rule
     outcome: Outcome
-    learned: list[LearnedSource]  # of the independent sources, where the rule learns
+    learned: list[Learned]  # of the independent sources, where the rule learns
 
 
 def fuse_opinions(
@@ -156,7 +157,7 @@ class _Weighed:
     stack: Array  # the beliefs of the independent opinions, to their powers: (N, *grid shape)
     powers: Powers
     factors: Array  # (N,) that the rule's weights are to be multiplied by
-    learned: list[LearnedSource]
+    learned: list[Learned]
 
 
 def _to_powers(rule: Rule, independent: Sequence[Opinion], overlapping: Sequence[Opinion], powers: Powers) -> _Weighed:
@@ -214,7 +215,7 @@ def _alone(
     rule: Rule,
     counts: Callable[[str], bool],
     power: float = 1.0,
-    learned: Sequence[LearnedSource] = (),
+    learned: Sequence[Learned] = (),
 ) -> Fusion:
     """The only opinion about a subject, to its power: what a coalition makes of it, without asking what is true of one opinion."""
     grid, one = only.belief.grid, only.belief.p[np.newaxis]

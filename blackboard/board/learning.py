@@ -36,6 +36,7 @@ from blackboard.opinion.bell import spread
 from blackboard.opinion.cooperative import CAUTIOUS
 from blackboard.opinion.grid import Array
 from blackboard.opinion.provenance import Opinion
+from blackboard.wire.messages import Learned
 
 LEAST_POWER = 1e-6  # so that what an opinion rules out stays ruled out
 
@@ -49,22 +50,12 @@ class Advice:
     weights: Array  # 0 to 1: the exponent that each opinion gets where all agree, before its variance factor
 
 
-@dataclass(frozen=True)
-class LearnedSource:
-    """What was learned of a source: `variance` 1 and `echo` None where nothing speaks against it."""
-
-    source: str
-    samples: float  # effective comparisons with another source, the most of any pair
-    variance: float  # of its errors, relative to what it claims
-    correlation: float  # of its errors with those of the source that it resembles most
-    echo: str | None  # that source, where the correlation is significant and at least ECHO
-    since: float | None  # team time since which it has been held over-confident or an echo, in seconds
-
-
 class Learner:
     """`compare_opinions` of each tick, ask for `advice` on the sources of a fusion. The order of opinions does not matter."""
 
-    def __init__(self) -> None:
+    def __init__(self, level: str) -> None:
+        """`level`: "consensus" of robots, "agreed" of sub-teams."""
+        self.level = level
         # what it remembers, all of it (`blackboard.board.memory`)
         self.samples: dict[Pair, deque[Comparison]] = {}
         self.heard: dict[str, float] = {}  # source -> team time of its newest sample
@@ -74,7 +65,7 @@ class Learner:
         self._pairings: dict[Pair, Pairing] = {}  # of the same windows
         self._estimate: SourceEstimate | None = None  # of the samples as they are; None: to be made
         # The same estimate as consensus and status show it; None: to be made.
-        self._learned: list[LearnedSource] | None = None
+        self._learned: list[Learned] | None = None
 
     def remember(
         self,
@@ -140,13 +131,13 @@ class Learner:
         powers = np.clip(np.round(weights * n ** (1.0 - independence) / variance, 12), LEAST_POWER, 1.0)
         return Advice(independence, powers, weights)
 
-    def learned(self, sources: Sequence[str] | None = None) -> list[LearnedSource]:
+    def learned(self, sources: Sequence[str] | None = None) -> list[Learned]:
         """What was learned of these sources, or of all, sorted; those without a sample are left out."""
         if self._learned is None:
             self._learned = self._told()
         return [one for one in self._learned if sources is None or one.source in sources]
 
-    def _told(self) -> list[LearnedSource]:
+    def _told(self) -> list[Learned]:
         estimated = self._found()
         if not estimated.names:
             return []
@@ -159,7 +150,8 @@ class Learner:
                 nearest = int(np.argmax(correlations[i]))
                 echo = estimated.names[nearest] if estimated.echoes[i, nearest] else None
                 told.append(
-                    LearnedSource(
+                    Learned(
+                        level=self.level,  # type: ignore[arg-type]
                         source=name,
                         samples=float(count.max()),
                         variance=float(estimated.variance[i]),

@@ -85,7 +85,7 @@ def remembered(packed: PackedMemory, level: str, until: float, axes: int) -> tup
 
     Refused: "fields" where a number is out of its bounds, or a time later than `until`, in seconds of team time.
     """
-    return _learner(packed.learner, until, axes), _dissent(packed, level, until)
+    return _learner(packed.learner, level, until, axes), _dissent(packed, level, until)
 
 
 def _check(holds: bool, what: str) -> None:
@@ -104,7 +104,7 @@ def _floats(data: bytes) -> Array:
     return numbers
 
 
-def _learner(packed: PackedLearner, until: float, axes: int) -> Learner:
+def _learner(packed: PackedLearner, level: str, until: float, axes: int) -> Learner:
     sources, n = packed.sources, len(packed.sources)
     _check(n <= MAX_SOURCES and sources == sorted(set(sources)), f"sources are not sorted, or more than {MAX_SOURCES}")
     _check(set(packed.heard) == set(sources) and packed.since.keys() <= set(sources), "a time of no source")
@@ -119,7 +119,7 @@ def _learner(packed: PackedLearner, until: float, axes: int) -> Learner:
             newest.time,
             dict(zip((sources[i] for i in who), means.reshape(len(who), axes), strict=True)),
         )
-    learner = Learner()
+    learner = Learner(level)
     learner.remember(
         {pair: window for pair, window in zip(combinations(sources, 2), samples, strict=True) if window},
         dict(packed.heard),

@@ -210,7 +210,7 @@ def instants(name: str, fusions: int, rng: np.random.Generator) -> Iterator[Stre
 def judge(name: str, fusions: int, rng: np.random.Generator) -> dict[str, Score]:
     """The scores of each rule over one run of a stream, that of `learned` by a board that learns from it; empty without an oracle."""
     scores = {rule: Score() for rule in (*RULES, LEARNED, ORACLE)}
-    learner, rule = Learner(), Coalition(independence="learn")
+    learner, rule = Learner("consensus"), Coalition(independence="learn")
     for instant in instants(name, fusions, rng):
         case = instant.case
         for label, fixed in RULES.items():

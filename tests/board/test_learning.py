@@ -32,17 +32,17 @@ from tests.board.reports import GRID, at, new_board, only, report
 LEARN = BoardSection.model_validate({"independence": "learn"})
 
 
-def taught(ticks: int = 40, n: int = 5, **how: Any) -> Learner:
-    learner = Learner()
-    for second, opinions in enumerate(stream(n, ticks, **how)):
+def taught(ticks: int = 40, **how: Any) -> Learner:
+    learner = Learner("consensus")
+    for second, opinions in enumerate(stream(5, ticks, **how)):
         learner.compare_opinions("object/ball", float(second), opinions)
     return learner
 
 
-def exponents(learner: Learner, n: int = 5) -> list[float]:
-    """What each of n opinions is taken to where all agree: weight / variance."""
-    advice = learner.advice([f"s{i}" for i in range(n)], [2.0] * n)
-    return [float(p) * n ** (advice.independence - 1.0) for p in advice.powers]
+def exponents(learner: Learner) -> list[float]:
+    """What each of five opinions is taken to where all agree: weight / variance."""
+    advice = learner.advice([f"s{i}" for i in range(5)], [2.0] * 5)
+    return [float(p) * 5 ** (advice.independence - 1.0) for p in advice.powers]
 
 
 # --- moments -------------------------------------------------------------------------------------------------------------
@@ -73,7 +73,7 @@ def test_only_beliefs_near_a_gaussian_are_compared() -> None:
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
 def test_without_evidence_a_board_that_learns_is_cautious(n: int) -> None:
     opinions = [opinion(f"s{i}", (15 + i, 15), 1.0 + i) for i in range(n)]
-    learned = fuse_opinions(opinions, GRID, LEARN, "object/ball", Learner(), 0.0)
+    learned = fuse_opinions(opinions, GRID, LEARN, "object/ball", Learner("consensus"), 0.0)
     default = fuse_opinions(opinions, GRID, BoardSection.model_validate({"independence": 0.2}), "object/ball")
     assert np.array_equal(learned.belief.p, default.belief.p)
     assert [share.weight for share in learned.shares] == [share.weight for share in default.shares]
@@ -95,7 +95,7 @@ def test_a_rule_that_learns_is_cautious_without_a_learner() -> None:
 
 
 def test_independent_sources_come_to_be_multiplied() -> None:
-    assert sum(exponents(Learner())) == pytest.approx(5**0.2)  # the default: five count as 1.4
+    assert sum(exponents(Learner("consensus"))) == pytest.approx(5**0.2)  # the default: five count as 1.4
     assert sum(exponents(taught())) > 2.2
 
 
@@ -152,7 +152,7 @@ def test_with_correlated_errors_the_sharp_opinion_gets_more() -> None:
 
 def test_the_order_of_arrival_changes_nothing() -> None:
     rng = np.random.default_rng(3)
-    in_order, shuffled = Learner(), Learner()
+    in_order, shuffled = Learner("consensus"), Learner("consensus")
     for second, opinions in enumerate(stream(5, 20, liar=8.0)):
         in_order.compare_opinions("object/ball", float(second), opinions)
         shuffled.compare_opinions("object/ball", float(second), [opinions[i] for i in rng.permutation(5)])
@@ -161,7 +161,7 @@ def test_the_order_of_arrival_changes_nothing() -> None:
 
 
 def test_what_shares_ancestors_is_not_compared() -> None:
-    learner = Learner()
+    learner = Learner("consensus")
     for second, (first, other, *_) in enumerate(stream(5, 20)):
         shared = Opinion(other.source, other.belief, {"s0": 0.0, "s1": 0.0})
         learner.compare_opinions("object/ball", float(second), [first, shared])
@@ -169,7 +169,7 @@ def test_what_shares_ancestors_is_not_compared() -> None:
 
 
 def test_what_follows_too_soon_or_is_old_is_not_compared() -> None:
-    learner = Learner()
+    learner = Learner("consensus")
     for second, opinions in enumerate(stream(5, 20)):
         learner.compare_opinions("object/ball", float(second), opinions)
         learner.compare_opinions("object/ball", second + 0.5, opinions)  # within a second of the one before
@@ -183,7 +183,7 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of sources and subjects, with smaller bounds, so that few opinions are needed; of samples with the real one."""
     monkeypatch.setattr(believed, "MAX_SOURCES", 6)
     monkeypatch.setattr("blackboard.board.learning.MAX_SUBJECTS", 4)
-    learner = Learner()
+    learner = Learner("consensus")
     for second in range(12):
         names = [f"n{(second * 3 + i) % 11}" for i in range(4)]
         learner.compare_opinions(f"object/o{second}", float(second), [opinion(name, CENTRE) for name in names])
@@ -209,7 +209,7 @@ masses = st.one_of(
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.lists(masses, min_size=3, max_size=3), min_size=1, max_size=8))
 def test_no_belief_makes_it_fail(ticks: list[list[list[float]]]) -> None:
-    learner = Learner()
+    learner = Learner("consensus")
     for second in range(12):
         ps = [np.reshape(p, SMALL.shape) / sum(p) for p in ticks[second % len(ticks)]]
         opinions = [Opinion(f"s{i}", Belief(SMALL, p), {f"s{i}": 0.0}) for i, p in enumerate(ps)]

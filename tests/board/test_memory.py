@@ -47,7 +47,7 @@ def sent(packed: PackedMemory) -> PackedMemory:
 @pytest.mark.parametrize("handed_on", [37, *(pytest.param(n, marks=pytest.mark.long) for n in (0, 3, 150))])
 def test_who_goes_on_from_a_memory_does_the_same_to_the_bit(handed_on: int) -> None:
     """With a liar, errors that last, and four ticks a second: in the middle of a second, too."""
-    learner, dissent = Learner(), DissentJudge("consensus")
+    learner, dissent = Learner("consensus"), DissentJudge("consensus")
     heirs: tuple[Learner, DissentJudge] | None = None
     for tick, opinions in enumerate(stream(5, 240, liar=12.0, memory=0.8)):
         hear(learner, dissent, 0.25 * tick, opinions)
@@ -65,7 +65,7 @@ def test_who_goes_on_from_a_memory_does_the_same_to_the_bit(handed_on: int) -> N
 
 
 def test_a_memory_is_small_and_that_of_the_most_sources_fits_a_message() -> None:
-    learner = Learner()
+    learner = Learner("consensus")
     for second in range(PAIR_WINDOW):
         learner.compare_opinions("object/ball", float(second), [opinion(f"r{i}", (10 + i, 10)) for i in range(8)])
     assert (

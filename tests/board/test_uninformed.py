@@ -30,7 +30,7 @@ def uninformed(name: str, rounding: float = 0.0) -> Opinion:
 
 
 def fused(some: list[Opinion], independence: float | str = "learn", **settings: object) -> Fusion:
-    learner = Learner() if independence == "learn" else None
+    learner = Learner("consensus") if independence == "learn" else None
     board = BoardSection(independence=independence, **settings)  # type: ignore[arg-type, call-arg]
     return fuse_opinions(some, GRID, board, "object/ball", learner, 1.0)
 
@@ -60,7 +60,9 @@ def test_their_sources_stay_among_the_ancestors() -> None:
 
 def test_one_of_another_sub_team_is_no_part_of_what_is_first_hand_here() -> None:
     some = [*opinions([(2.0, 2.0, 1.0)]), uninformed("u")]
-    pooled = fuse_opinions(some, GRID, BoardSection(), "object/ball", Learner(), 1.0, counts=lambda robot: robot != "u")
+    pooled = fuse_opinions(
+        some, GRID, BoardSection(), "object/ball", Learner("consensus"), 1.0, counts=lambda robot: robot != "u"
+    )
     assert (pooled.firsthand_ancestors, pooled.is_firsthand) == ({"r0": 1.0}, False)
     assert np.array_equal(pooled.firsthand.p, pooled.belief.p)
 
