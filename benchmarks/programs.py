@@ -26,9 +26,9 @@ class Program:
         fields = Path(f"/proc/{self.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
-    def mebibytes(self, of: str = "VmRSS") -> float:
-        """Its memory: now, or with "VmHWM" the most that it ever had."""
-        match = re.search(rf"{of}:\s+(\d+)", Path(f"/proc/{self.process.pid}/status").read_text())
+    def mebibytes(self) -> float:
+        """Its memory now."""
+        match = re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{self.process.pid}/status").read_text())
         assert match is not None
         return int(match[1]) / 1024
 

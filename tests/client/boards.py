@@ -15,14 +15,14 @@ from blackboard.process.loop import run
 
 @contextmanager
 def serving(
-    endpoint: str, grid: Grid, sub_team: str = "a", team: str = "t", keys: str | None = None, **settings: object
+    endpoint: str, grid: Grid, sub_team: str = "a", keys: str | None = None, **settings: object
 ) -> Iterator[None]:
     """A board of a sub-team, with some settings of [board], is there."""
     name = f"board-{sub_team}"
     stop = threading.Event()
     config = LinkConfig(connect=(endpoint,), keys=keys, who=f"board/{name}")
     chosen = BoardSection.model_validate({"period": 0.1, **settings})
-    board = BoardService(team=team, sub_team=sub_team, board=name, grid=grid, settings=chosen)
+    board = BoardService(team="t", sub_team=sub_team, board=name, grid=grid, settings=chosen)
     with Link(config, name) as link:
         thread = threading.Thread(target=run, args=(board, link, UnixClock(), stop.is_set))
         thread.start()

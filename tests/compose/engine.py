@@ -213,14 +213,14 @@ class Project:
         containers = [container for service in services for container in self.containers(service)]
         self.wait(containers, "exec_die=0", "{{.Actor.Attributes.exitCode}}", since or now(), seconds)
 
-    def wait_unwell(self, service: str, since: str, seconds: float = 120) -> None:
+    def wait_unwell(self, service: str, since: str) -> None:
         """Wait until Docker calls a service unhealthy."""
         status = "health_status: unhealthy"
-        self.wait(self.containers(service), f"health_status={status}", "{{.Status}}", since, seconds)
+        self.wait(self.containers(service), f"health_status={status}", "{{.Status}}", since, 120)
 
-    def wait_start(self, service: str, since: str, seconds: float = 120) -> None:
+    def wait_start(self, service: str, since: str) -> None:
         """Wait until a service's container is started, by whomever."""
-        self.wait(self.containers(service), "start=start", "{{.Status}}", since, seconds)
+        self.wait(self.containers(service), "start=start", "{{.Status}}", since, 120)
 
     def report(self) -> str:
         """What everybody said last, and how the health checks went: for the reader of a failed test."""

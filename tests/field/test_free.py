@@ -21,7 +21,7 @@ ALMOST = 1e-3  # seconds: woken services let a little time pass
 class Published:
     """What boards publish in a field."""
 
-    def __init__(self, fusion: str = "joint", period: float = 0.2, began: float = 0.07, seconds: float = 7.0) -> None:
+    def __init__(self, fusion: str = "joint", period: float = 0.2, began: float = 0.07) -> None:
         chosen = new_scenario(Truth(), told=False, fusion=fusion, period=period)
         phases = {"r2": 0.03, "r3": 0.06}
         self.field = Field(World(101), chosen, sigmas=False, phases=phases, began=began)
@@ -29,7 +29,7 @@ class Published:
         self.names: dict[tuple[str, str, str, int], set[bytes]] = defaultdict(set)
         self.ticks: dict[str, list[int]] = defaultdict(list)
         self.field.bus.spies.append(self.hear)
-        self.field.play(seconds)
+        self.field.play(7.0)
 
     def hear(self, envelope: Envelope) -> None:
         for topic in (keys.CONSENSUS, keys.AGREED):

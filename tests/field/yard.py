@@ -22,6 +22,7 @@ from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_sco
 
 WIDTH, HEIGHT, WALL = 30.0, 18.0, 1.0
 CELL = 0.5
+LATE = 0.02  # seconds after its end at which a robot hears of a step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,9 +153,9 @@ def readings(step: Step, kit: Kit, told: bool, own: Filter | None) -> SinceStep:
 
 
 class Yard(Robots):
-    """A board and a team of robots that are driven by a world. They hear of a step `late` seconds after its end."""
+    """A board and a team of robots that are driven by a world."""
 
-    def __init__(self, world: World, began: float = 0.0, told: bool = False, late: float = 0.02) -> None:
+    def __init__(self, world: World, began: float = 0.0, told: bool = False) -> None:
         chosen = Scenario(
             {
                 "team": {"name": "t", "sub_teams": {"a": [*world.kits]}},
@@ -163,7 +164,7 @@ class Yard(Robots):
             }
         )
         super().__init__(chosen, began)
-        self.world, self.told, self.late = world, told, late
+        self.world, self.told = world, told
 
     def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and robot."""
@@ -176,7 +177,7 @@ class Yard(Robots):
             truth = world.poses[robot].copy()
             central.take_step(step)
             alone[robot].take_step(step)
-            self.run_to(max(self.now, begin + step.time + self.late))
+            self.run_to(max(self.now, begin + step.time + LATE))
             since = readings(step, kit, self.told, alone[robot] if kit.own else None)
             pose, out = self.robots[robot].step(since, self.now, begin + step.time)
             self.send(self.robots[robot], out)

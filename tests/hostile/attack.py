@@ -76,8 +76,8 @@ def calm(scenario: Scenario = SCENARIO) -> str:
     return team.world.referee.hash
 
 
-def report_key(robot: str, subject: str, sub_team: str = "a") -> str:
-    return keys.REPORT.key(team="t", sub_team=sub_team, source=robot, subject=subject)
+def report_key(robot: str, subject: str) -> str:
+    return keys.REPORT.key(team="t", sub_team="a", source=robot, subject=subject)
 
 
 def status_key(process: str, sub_team: str = "a") -> str:

@@ -21,9 +21,9 @@ from tests.wire.messages import CONSENSUS, EXAMPLES, REPORT, STATUS, TOPICS, as_
 ALL = [message for _, message in EXAMPLES.values()]
 
 
-def reason_of(payload: bytes, model: type[Message] = Report) -> str:
+def reason_of(payload: bytes) -> str:
     with pytest.raises(Refused) as refusal:
-        decode(model, payload)
+        decode(Report, payload)
     assert refusal.value.reason in REASONS
     return refusal.value.reason
 
