@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from blackboard.config import Scenario
-from blackboard.wire.messages import Odometry
+from blackboard.wire.messages import Odometry, Sighting
 from examples.field.central import Central
 from examples.field.world import ROBOTS, Arena, Said, Seen, Truth, bounced
 from robot_agent.driven import SinceStep
@@ -121,7 +121,8 @@ def odometry_of(pieces: list[Said], kit: Kit, told: bool) -> Odometry:
 class Grounds(Robots):
     """A board and a team of robots that are driven by a ground. `each`: pieces of odometry are told one by one, not summed.
 
-    They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts.
+    They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts. A share of `wild` sightings is of anywhere
+    in view, but not for the filters beside the team.
     """
 
     def __init__(
@@ -132,6 +133,7 @@ class Grounds(Robots):
         each: bool = False,
         alone: Literal["range", "bearing"] | None = None,
         unplaced: Collection[str] = (),
+        wild: float = 0.0,
         **board: object,
     ) -> None:
         width, height = ground.size
@@ -146,6 +148,7 @@ class Grounds(Robots):
         )
         super().__init__(chosen, 0.2 * (0.618 * ground.seed % 1.0))
         self.ground, self.told, self.each, self.alone, self.unplaced = ground, told, each, alone, unplaced
+        self.wild, self.random = wild, np.random.default_rng([ground.seed, 1])
 
     def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
@@ -178,10 +181,17 @@ class Grounds(Robots):
         since = replace(gathered(last, kit, False), odometry=None)
         if last.start is not None:
             return SinceStep() if robot in self.unplaced else since
+        since = replace(since, sightings=tuple(self._misread(seen, kit) for seen in since.sightings))
         since = since if self.alone is None else parts_alone(since, self.alone)
         for part in [[piece] for piece in pieces] if self.each else [pieces]:
             since = since.plus(SinceStep(odometry_of(part, kit, self.told)))
         return since
+
+    def _misread(self, seen: Sighting, kit: Kit) -> Sighting:
+        if self.random.random() >= self.wild:
+            return seen
+        anywhere = {"range": self.random.uniform(0.0, kit.reach), "bearing": self.random.uniform(-kit.view, kit.view)}
+        return seen.model_copy(update=anywhere)
 
 
 def main() -> None:
@@ -197,12 +207,15 @@ def main() -> None:
     parser.add_argument("--together", action="store_true")
     parser.add_argument("--alone", choices=("range", "bearing"), help="what robots see of others")
     parser.add_argument("--unplaced", action="store_true", help="one robot without GPS is not told where it starts")
+    parser.add_argument("--wild", type=float, default=0.0, help="share of sightings that are of anywhere in view")
     chosen = parser.parse_args()
     totals = new_scores()
     for seed in range(chosen.first, chosen.past):
         ground = Ground(seed, chosen.hertz, together=chosen.together, walks=chosen.ball, rolls=chosen.rolls)
         unplaced = [robot for robot, kit in ground.kits.items() if not kit.gps][:1] if chosen.unplaced else []
-        team = Grounds(ground, told=chosen.told, each=chosen.each, alone=chosen.alone, unplaced=unplaced)
+        team = Grounds(
+            ground, told=chosen.told, each=chosen.each, alone=chosen.alone, unplaced=unplaced, wild=chosen.wild
+        )
         played = team.play(chosen.seconds)
         ratios = [f"{n} {t.rmse / played['central'][n].rmse:.2f} {t.coverage():.2f}" for n, t in played["team"].items()]
         print(seed, ", ".join([*(f"{robot} unplaced" for robot in unplaced), *ratios]), flush=True)

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,12 +12,13 @@ from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.chain import Chain
 from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
-from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments
+from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.linearising import linearise, linearise_all
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.vehicle import Motion, correct
+from blackboard.opinion.grid import Array
 
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
 TOGETHER = 32  # sightings that are taken in one update, and as many as one robot has
@@ -205,11 +207,21 @@ def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapp
     is_doubted = team.freshness.doubts(observer) or (moves is not None and subject not in moves)
     if observer in team.left_out or len(factor.residual) < 2 or is_doubted:
         return factor
-    pushed = team.walks.judge(subject, _placed(team, subject, factor))
+    seen = _placed(team, relative, factor, motions)
+    pushed = team.walks.judge(subject, seen, named=relative.mark is None)
     if pushed is None or subject not in team.joint:
         return factor
     team.shift(subject, pushed)
-    return linearise(team.joint, relative, motions)
+    return _linearised_at(seen.mean, team, relative, motions)
+
+
+def _linearised_at(place: Array, team: TeamState, relative: Relative, motions: Mapping[str, Motion]) -> Factor:
+    """A sighting of an object, linearised where it puts that, shape (2,), which may be far from where the joint has it."""
+    way = place - team.joint.moments(relative.subject).mean
+    team.shift(relative.subject, Moments(way, np.zeros((2, 2))))
+    factor = linearise(team.joint, relative, motions)
+    team.shift(relative.subject, Moments(-way, np.zeros((2, 2))))
+    return replace(factor, residual=factor.residual + dict(factor.jacobians)[relative.subject] @ way)
 
 
 def seen_by_one(team: TeamState) -> frozenset[str]:
@@ -239,15 +251,19 @@ def set_aside(team: TeamState, relative: Relative, motions: Mapping[str, Motion]
     team.add_verdict(Verdict(observer, subject, "relative", 0.0, 2, True))
 
 
-def _placed(team: TeamState, subject: str, factor: Factor) -> Moments:
+def _placed(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Moments:
     """Where a sighting alone puts an object, shape (2,) and (2, 2): all that its observer is unsure of is counted."""
     rows = dict(factor.jacobians)
-    by = rows.pop(subject)
-    before = team.joint.moments(subject) if subject in team.joint else factor.priors[subject]
+    by = rows.pop(relative.subject)
+    before = team.joint.moments(relative.subject) if relative.subject in team.joint else factor.priors[relative.subject]
     spread = team.joint.innovation(Factor(factor.residual, rows, factor.noise, factor.priors)).covariance
     weighed = by.T @ np.linalg.inv(spread)
     covariance = np.linalg.inv(weighed @ by)
-    return Moments(before.mean + covariance @ weighed @ factor.residual, covariance)
+    way = covariance @ weighed @ factor.residual
+    far = squared_distance(way, before.covariance + covariance) > quantile(GATE, 2)
+    if far and relative.places:  # too far for what was linearised where it was expected
+        return projected(team.joint, relative, motions.get(relative.observer))
+    return Moments(before.mean + way, covariance)
 
 
 def close_rings(team: TeamState) -> None:

@@ -4,6 +4,8 @@ A multiple-model estimator (Magill 1965): each member is a Kalman filter of the 
 is the likelihood of the sightings under it. The joint uses the root mean square of the drifts. Before anything is seen that is the
 drift that was told: the prior of a drift is log-normal. A member that is far from the best begins again where that one is.
 An object walks until its sightings say beyond doubt that it rolls (`ROLLS`), and again once they say no more than that it may.
+A sighting that no member explains is a misread, unless the next one agrees with it: then the object was kicked, and its bank begins
+anew there.
 """
 
 import math
@@ -12,8 +14,9 @@ from typing import Literal
 
 import numpy as np
 
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.rolling import VELOCITY, Habits, Rolling, moved
+from blackboard.opinion.gaussian.rolling import PLACE, VELOCITY, Habits, Rolling, moved
 from blackboard.opinion.grid import Array
 
 FACTORS = 2.0 ** np.arange(-5, 6)  # drifts of the members, as multiples of the configured drift
@@ -26,10 +29,11 @@ LOST = -20.0  # log likelihood by the best one's: a member that is less likely b
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.
 ROLLS, WALKS = (3.0, 0.0)
 SUREST = 10.0  # nats: the most that is held for or against, so that an object that begins to roll is soon found to
+UNLIKELY = 0.5 * quantile(GATE, 2)  # nats below where it was expected most: a sighting that no member explains
 Model = Literal["learn", "walk", "roll"]  # of an object: which of the two its sightings show, or one of them for good
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Bank:
     """The members of one object: log likelihoods by the largest, shape (k,), places (k, 2), covariances (k, 2, 2)."""
 
@@ -37,8 +41,50 @@ class _Bank:
     places: Array
     covariances: Array
 
+    @staticmethod
+    def begun(seen: Moments) -> "_Bank":
+        k = len(FACTORS)
+        return _Bank(np.zeros(k), np.tile(seen.mean, (k, 1)), np.tile(seen.covariance, (k, 1, 1)))
 
-@dataclass(frozen=True)
+    def place(self) -> Array:
+        """Where the likeliest member has the object."""
+        place: Array = self.places[int(self.likelihoods.argmax())]
+        return place
+
+    def passed(self, dt: float, prior: float) -> "_Bank":
+        added = (prior * FACTORS) ** 2 * dt
+        covariances = self.covariances + added[:, np.newaxis, np.newaxis] * np.eye(2)
+        return _Bank(self.likelihoods * math.exp(-dt / MEMORY), self.places, covariances)
+
+    def expected(self, seen: Moments) -> Array:
+        """The log density of a sighting by each member, shape (k,)."""
+        spread = self.covariances + seen.covariance
+        apart = seen.mean - self.places
+        squared = np.einsum("ki,kij,kj->k", apart, np.linalg.inv(spread), apart)
+        logs: Array = -0.5 * (squared + np.log(np.linalg.det(spread)))
+        return logs
+
+    def density(self, news: Array) -> float:
+        """The log density by all members, of that by each."""
+        return _mean_log(PRIOR + self.likelihoods, news)
+
+    def explains(self, seen: Moments) -> bool:
+        most = -0.5 * np.log(np.linalg.det(self.covariances + seen.covariance))
+        return self.density(self.expected(seen)) > self.density(most) - UNLIKELY
+
+    def after(self, seen: Moments, news: Array) -> "_Bank":
+        """After a sighting of which each member's log density is given, shape (k,)."""
+        gains, apart = self.covariances @ np.linalg.inv(self.covariances + seen.covariance), seen.mean - self.places
+        likelihoods = self.likelihoods + news
+        likelihoods -= likelihoods.max()
+        places = self.places + np.einsum("kij,kj->ki", gains, apart)
+        covariances = self.covariances - gains @ self.covariances
+        best, lost = int(likelihoods.argmax()), likelihoods < LOST
+        places[lost], covariances[lost] = places[best], covariances[best]
+        return _Bank(np.maximum(likelihoods, LOST), places, 0.5 * (covariances + covariances.swapaxes(1, 2)))
+
+
+@dataclass(frozen=True, eq=False)
 class _Course:
     """Of an object that may roll: how, by how much that explains its sightings better (nats), and whether it is believed to."""
 
@@ -47,29 +93,69 @@ class _Course:
     rolls: bool
     kind: str = ""  # the class of a track, whose things move alike
 
+    def explains(self, seen: Moments) -> bool:
+        expected = self.rolling.moments().mean[PLACE]
+        most, density = (self.rolling.expected(Moments(place, seen.covariance))[0] for place in (expected, seen.mean))
+        return density > most - UNLIKELY
+
+    def after(self, seen: Moments, walking: float) -> "tuple[_Course, Moments | None]":
+        """After a sighting whose log density is `walking` if the object walks; and what has to be made up for if it was pushed."""
+        density, weights = self.rolling.expected(seen)
+        evidence = float(np.clip(self.evidence + density - walking, -SUREST, SUREST))
+        rolls = evidence > (WALKS if self.rolls else ROLLS)
+        pushed = moved(self.rolling.moments(), replace(self.rolling, weights=weights).moments()) if rolls else None
+        return replace(self, rolling=self.rolling.seen(seen), evidence=evidence, rolls=rolls), pushed
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """How one object moves. It has no course before time has passed, nor where it stands for good."""
+
+    bank: _Bank
+    course: _Course | None = None
+
+    def explains(self, seen: Moments) -> bool:
+        """Whether a sighting is not far less likely than one where the object should be."""
+        course = self.course
+        return (course is not None and course.rolls and course.explains(seen)) or self.bank.explains(seen)
+
+    def after(self, seen: Moments) -> "tuple[_Motion, Moments | None]":
+        """After a sighting; and what has to be made up for if the object rolls and was pushed."""
+        news, course, pushed = self.bank.expected(seen), self.course, None
+        if course is not None:
+            course, pushed = course.after(seen, self.bank.density(news) - math.log(2 * math.pi))
+        return _Motion(self.bank.after(seen, news), course), pushed
+
+    def kicked(self, seen: Moments) -> "_Motion":
+        """The same if the object was kicked: how it walked before says nothing, and it may roll."""
+        course = self.course
+        return _Motion(
+            _Bank.begun(seen), course and replace(course, rolling=course.rolling.seen(seen), evidence=0.0, rolls=True)
+        )
+
 
 @dataclass
 class Walks:
     """Mutable. `drift` of an object is in units / sqrt(s)."""
 
-    _banks: dict[str, _Bank] = field(default_factory=dict)
-    _courses: dict[str, _Course] = field(default_factory=dict)
+    _motions: dict[str, _Motion] = field(default_factory=dict)
+    _kicked: dict[str, _Motion] = field(default_factory=dict)  # what holds if the last sighting was no misread
     _habits: dict[str, Habits] = field(default_factory=dict)  # of things without a name, by class
 
     def copy(self) -> "Walks":
         """The same, which may be changed without changing this one."""
-        return Walks(dict(self._banks), dict(self._courses), dict(self._habits))
+        return Walks(dict(self._motions), dict(self._kicked), dict(self._habits))
 
     def drift(self, subject: str, prior: float) -> float:
         """The random walk of an object as found, by what it was before anything was seen."""
-        if subject not in self._banks:
+        if subject not in self._motions:
             return prior
-        shares = np.exp(PRIOR + self._banks[subject].likelihoods)
+        shares = np.exp(PRIOR + self._motions[subject].bank.likelihoods)
         return prior * math.sqrt(float(shares @ FACTORS**2) / float(shares.sum()))
 
     def velocity(self, subject: str) -> Moments | None:
         """The velocity (unit / s) of an object that rolls: mean, shape (2,), and covariance, shape (2, 2); None of one that walks."""
-        course = self._courses.get(subject)
+        course = self._course(subject)
         if course is None or not course.rolls:
             return None
         now = course.rolling.moments()
@@ -77,7 +163,7 @@ class Walks:
 
     def rolling(self, subject: str, place: Moments, prior: float, kind: str) -> Rolling:
         """An object's motion by its own sightings; before its second sighting, the prior of its class."""
-        course = self._courses.get(subject)
+        course = self._course(subject)
         return course.rolling if course else Rolling.begun(place, prior, self._habits_of(kind))
 
     def pass_time(self, subject: str, prior: float, dt: float, model: Model = "learn", kind: str = "") -> Moments:
@@ -86,80 +172,72 @@ class Walks:
         What is a track of some `kind` moves as things of that kind were seen to move.
         """
         walk = Moments(np.zeros(2), np.eye(2) * self.drift(subject, prior) ** 2 * dt)
-        bank = self._banks.get(subject)
-        if bank is None:
+        known, kicked = self._motions.get(subject), self._kicked.get(subject)
+        if known is None:
             return walk
-        added = (prior * FACTORS) ** 2 * dt
-        covariances = bank.covariances + added[:, np.newaxis, np.newaxis] * np.eye(2)
-        self._banks[subject] = _Bank(bank.likelihoods * math.exp(-dt / MEMORY), bank.places, covariances)
-        if model == "walk" or not prior:  # what has no drift stands for good
+        may_roll = model != "walk" and prior > 0.0  # what has no drift stands for good
+        if may_roll and known.course is None:
+            seen = Moments(known.bank.places[0], known.bank.covariances[0])
+            rolling = Rolling.begun(seen, prior, self._habits_of(kind))
+            known = replace(known, course=_Course(rolling, 0.0, model == "roll", kind))
+        after = self._motions[subject] = self._passed(known, prior, dt, model)
+        if kicked is not None:
+            self._kicked[subject] = self._passed(kicked, prior, dt, model)
+        if not may_roll or known.course is None or after.course is None or not known.course.rolls:
             return walk
-        course = self._courses.get(subject)
-        if course is None:
-            seen = Moments(bank.places[0], bank.covariances[0])
-            course = _Course(Rolling.begun(seen, prior, self._habits_of(kind)), 0.0, model == "roll", kind)
-        habits = self._habits_of(kind)
-        after = course.rolling.passed(dt, habits.often if habits else 1.0)
-        evidence = course.evidence * math.exp(-dt / MEMORY) if model == "learn" else math.inf
-        self._courses[subject] = replace(course, rolling=after, evidence=evidence)
-        return moved(course.rolling.moments(), after.moments()) if course.rolls else walk
+        return moved(known.course.rolling.moments(), after.course.rolling.moments())
 
-    def judge(self, subject: str, seen: Moments) -> Moments | None:
+    def _passed(self, motion: _Motion, prior: float, dt: float, model: Model) -> _Motion:
+        bank, course = motion.bank.passed(dt, prior), motion.course
+        if course is None or model == "walk" or not prior:
+            return replace(motion, bank=bank)
+        habits = self._habits_of(course.kind)
+        rolling = course.rolling.passed(dt, habits.often if habits else 1.0)
+        evidence = course.evidence * math.exp(-dt / MEMORY) if model == "learn" else math.inf
+        return _Motion(bank, replace(course, rolling=rolling, evidence=evidence))
+
+    def judge(self, subject: str, seen: Moments, named: bool = True) -> Moments | None:
         """A sighting puts an object at a place: mean, shape (2,), and covariance, shape (2, 2).
 
-        Returned is what has to be made up for, as by `pass_time`: an object that rolls was just pushed, or thrown back.
+        What is not `named` was taken for this object because it is near, so it is no misread. Returned is what has to be made up for,
+        as by `pass_time`: an object was just kicked, or rolls and was pushed or thrown back.
         """
-        place, covariance = seen.mean, seen.covariance
-        bank = self._banks.get(subject)
-        if bank is None:
-            k = len(FACTORS)
-            self._banks[subject] = _Bank(np.zeros(k), np.tile(place, (k, 1)), np.tile(covariance, (k, 1, 1)))
+        known, kicked = self._motions.get(subject), self._kicked.pop(subject, None)
+        if known is None:
+            self._motions[subject] = _Motion(_Bank.begun(seen))
             return None
-        spread = bank.covariances + covariance
-        inverse = np.linalg.inv(spread)
-        gains, apart = bank.covariances @ inverse, place - bank.places
-        squared = np.einsum("ki,kij,kj->k", apart, inverse, apart)
-        news = -0.5 * (squared + np.log(np.linalg.det(spread)))
-        hindsight = self._roll(subject, seen, _mean_log(PRIOR + bank.likelihoods, news) - math.log(2 * math.pi))
-        likelihoods = bank.likelihoods + news
-        likelihoods -= likelihoods.max()
-        places = bank.places + np.einsum("kij,kj->ki", gains, apart)
-        covariances = bank.covariances - gains @ bank.covariances
-        best, lost = int(likelihoods.argmax()), likelihoods < LOST
-        places[lost], covariances[lost] = places[best], covariances[best]
-        covariances = 0.5 * (covariances + covariances.swapaxes(1, 2))
-        self._banks[subject] = _Bank(np.maximum(likelihoods, LOST), places, covariances)
-        return hindsight
+        if not named or known.explains(seen):
+            return self._take(subject, known, seen)
+        if kicked is None or not kicked.explains(seen):
+            self._kicked[subject] = known.kicked(seen)
+            return None
+        self._take(subject, kicked, seen)
+        far = math.dist(seen.mean, known.bank.place())
+        return Moments(np.zeros(2), far**2 * np.eye(2))
 
-    def _roll(self, subject: str, seen: Moments, walking: float) -> Moments | None:
-        """The same for an object that may roll; `walking` is the log density of the sighting if it walks."""
-        course = self._courses.get(subject)
-        if course is None:
-            return None
-        rolling = course.rolling
-        density, weights = rolling.expected(seen)
-        evidence = float(np.clip(course.evidence + density - walking, -SUREST, SUREST))
-        rolls = evidence > (WALKS if course.rolls else ROLLS)
-        after = rolling.seen(seen)
-        self._courses[subject] = replace(course, rolling=after, evidence=evidence, rolls=rolls)
-        if course.kind:
-            self._habits[course.kind] = (self._habits_of(course.kind) or Habits()).plus(after)
-        return moved(rolling.moments(), replace(rolling, weights=weights).moments()) if rolls else None
+    def _take(self, subject: str, motion: _Motion, seen: Moments) -> Moments | None:
+        after, pushed = motion.after(seen)
+        self._motions[subject] = after
+        if after.course is not None and (kind := after.course.kind):
+            self._habits[kind] = (self._habits_of(kind) or Habits()).plus(after.course.rolling)
+        return pushed
+
+    def _course(self, subject: str) -> _Course | None:
+        return self._motions[subject].course if subject in self._motions else None
 
     def _habits_of(self, kind: str) -> Habits | None:
         return self._habits.get(kind, Habits()) if kind else None
 
     def rename(self, subject: str, name: str) -> None:
         """An object has another name from now on."""
-        if subject in self._banks:
-            self._banks[name] = self._banks.pop(subject)
-        if subject in self._courses:
-            self._courses[name] = self._courses.pop(subject)
+        for known in (self._motions, self._kicked):
+            if subject in known:
+                known[name] = known.pop(subject)
 
     def forget(self, subject: str) -> None:
         """An object is gone, or begins anew."""
-        self._banks.pop(subject, None)
-        self._courses.pop(subject, None)
+        for known in (self._motions, self._kicked):
+            known.pop(subject, None)
 
 
 def _mean_log(weights: Array, logs: Array) -> float:
