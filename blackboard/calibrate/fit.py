@@ -39,17 +39,54 @@ class Prior:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """What was found of some drives."""
+class Guess:
+    """All measurements at some poses and shared numbers."""
 
     model: Model
     poses: Array  # (K, N, 3)
     shared: Array  # (N, 9)
     noise: Noise
-    solved: Solved
+    prior: Prior
+    odometry: Factors
     sighted: Factors  # each with the weight that it counts with
     believed: Array  # (M,): the probability that a sighting is no misread
-    odometry: Factors
+    absolute: tuple[Factors, Factors]
+    density: float  # its logarithm, of all that was measured and of the poses and shared numbers
+
+    @staticmethod
+    def at(model: Model, poses: Array, shared: Array, noise: Noise, prior: Prior) -> "Guess":
+        odometry, sighted = model.odometry(poses, shared, noise), model.sightings(poses, shared, noise)
+        believed, density = _believed(model, sighted, noise)
+        absolute = model.fixes(poses), model.headings(poses)
+        density += sum(_log_density(factors) for factors in (odometry, *absolute))
+        off = (prior.mean - shared).ravel()
+        density += 0.5 * (np.linalg.slogdet(prior.information / (2 * math.pi))[1] - off @ prior.information @ off)
+        density += 1.5 * poses.shape[1] * math.log(ANYWHERE / (2 * math.pi))
+        weighed = replace(sighted, weight=sighted.weight * believed[:, None])
+        return Guess(model, poses, shared, noise, prior, odometry, weighed, believed, absolute, float(density))
+
+    def chain(self) -> NormalEquations:
+        chain = NormalEquations.of(self.poses.shape[0], self.poses.shape[1], EACH)
+        for factors in (self.odometry, self.sighted, *self.absolute):
+            chain.add(factors)
+        each = range(3 * self.poses.shape[1])
+        chain.diagonal[0, each, each] += ANYWHERE
+        chain.corner[...] += self.prior.information
+        chain.shared_right[...] += self.prior.information @ (self.prior.mean - self.shared).ravel()
+        return chain
+
+    def fit(self) -> "Fit":
+        solved = self.chain().solved()
+        unknown = self.poses.size + self.shared.size
+        evidence = self.density + 0.5 * (unknown * math.log(2 * math.pi) - solved.log_determinant)
+        return Fit(**vars(self), solved=solved, evidence=float(evidence))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Guess):
+    """What was found of some drives: the likeliest guess."""
+
+    solved: Solved
     evidence: float  # nats: of all that was measured
 
     @property
@@ -67,14 +104,14 @@ def smoothed(model: Model, poses: Array, shared: Array, noise: Noise, prior: Pri
 
     `anew` is called before each step.
     """
-    here = _Here.at(model, poses, shared, noise, prior)
+    here = Guess.at(model, poses, shared, noise, prior)
     for _ in range(STEPS):
         anew()
         solved = here.chain().solved()
         step, other = solved.poses.reshape(poses.shape), solved.shared.reshape(shared.shape)
         size = min(1.0, 1.0 / max(1e-9, float(np.abs(step[:, :, 2]).max())))  # radians, at most
         for _ in range(HALVED):
-            there = _Here.at(model, here.poses + size * step, here.shared + size * other, noise, prior)
+            there = Guess.at(model, here.poses + size * step, here.shared + size * other, noise, prior)
             if there.density > here.density:
                 break
             size /= 2
@@ -84,51 +121,6 @@ def smoothed(model: Model, poses: Array, shared: Array, noise: Noise, prior: Pri
         if gained < SETTLED:
             break
     return here.fit()
-
-
-@dataclass(frozen=True, eq=False)
-class _Here:
-    """All measurements at some poses and shared numbers."""
-
-    model: Model
-    poses: Array
-    shared: Array
-    noise: Noise
-    prior: Prior
-    odometry: Factors
-    sighted: Factors
-    believed: Array
-    absolute: tuple[Factors, Factors]
-    density: float  # its logarithm, of all that was measured and of the poses and shared numbers
-
-    @staticmethod
-    def at(model: Model, poses: Array, shared: Array, noise: Noise, prior: Prior) -> "_Here":
-        odometry, sighted = model.odometry(poses, shared, noise), model.sightings(poses, shared, noise)
-        believed, density = _believed(model, sighted, noise)
-        absolute = model.fixes(poses), model.headings(poses)
-        density += sum(_log_density(factors) for factors in (odometry, *absolute))
-        off = (prior.mean - shared).ravel()
-        density += 0.5 * (np.linalg.slogdet(prior.information / (2 * math.pi))[1] - off @ prior.information @ off)
-        density += 1.5 * poses.shape[1] * math.log(ANYWHERE / (2 * math.pi))
-        weighed = replace(sighted, weight=sighted.weight * believed[:, None])
-        return _Here(model, poses, shared, noise, prior, odometry, weighed, believed, absolute, float(density))
-
-    def chain(self) -> NormalEquations:
-        chain = NormalEquations.of(self.poses.shape[0], self.poses.shape[1], EACH)
-        for factors in (self.odometry, self.sighted, *self.absolute):
-            chain.add(factors)
-        each = range(3 * self.poses.shape[1])
-        chain.diagonal[0, each, each] += ANYWHERE
-        chain.corner[...] += self.prior.information
-        chain.shared_right[...] += self.prior.information @ (self.prior.mean - self.shared).ravel()
-        return chain
-
-    def fit(self) -> Fit:
-        solved = self.chain().solved()
-        unknown = self.poses.size + self.shared.size
-        evidence = self.density + 0.5 * (unknown * math.log(2 * math.pi) - solved.log_determinant)
-        parts = self.model, self.poses, self.shared, self.noise, solved, self.sighted, self.believed, self.odometry
-        return Fit(*parts, float(evidence))
 
 
 def _log_density(factors: Factors) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -117,7 +117,7 @@ def _placed(drives: Drives, track: float, moved: Callable[[], None]) -> tuple[Fi
             break
         begin = fit if fit.misread < SOUND else None  # where much was misread, the poses may be wrong, too
         other = fitted(drives.without(numbers | suspects), track, moved, begin)
-        places = misplaced(Fit(**{**vars(other), "model": Model(drives, track)}))
+        places = misplaced(replace(other, model=Model(drives, track)))
         if not suspects & {number for number, _ in places} or len(places) > len(drives.landmarks) / 2:
             break
         fit, off, numbers = other, places, {number for number, _ in places} & (numbers | suspects)
@@ -130,7 +130,7 @@ def _suspect(fit: Fit, moved: Callable[[], None]) -> set[int]:
     for number in np.unique(fit.drives.sightings.landmark[fit.drives.sightings.landmark >= 0]):
         model = Model(fit.drives.without([number]), fit.model.track)
         without = smoothed(model, fit.poses, fit.shared, fit.noise, Prior.wide(len(fit.drives.robots)), moved)
-        off = apart(Fit(**{**vars(without), "model": fit.model}), int(number))
+        off = apart(replace(without, model=fit.model), int(number))
         if off > farthest:
             worst, farthest = {int(number)}, off
     return worst
