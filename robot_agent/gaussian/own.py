@@ -13,13 +13,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, MEDIAN, quantile
-from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Block, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import HEADING, POSE, Motion, Nuisance, drive, entering, wrap
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Readings
 from robot_agent.gaussian.filter import FilterResult, FirstHand
+from robot_agent.gaussian.landmarks import Named
 
 WINDOW = 60  # gains that are remembered
 FEWEST = 20  # gains before anything is said of them
@@ -104,20 +104,9 @@ class Given(FirstHand):
         self.gain = self._gained(prediction)
         told_of = not self.independence.fed_back
         increment, unsent = (self.gain, self._gained(self._unsent.before)) if told_of else (None, None)
-        seen = [
-            s
-            for s in sorted(readings.sightings, key=lambda s: -s.age)
-            if s.landmark is None and not is_class(s.subject)
-        ]
-        relatives = {s.subject: self.sensors.camera.relative(self.robot, s, self._turned, motion.dt) for s in seen}
-        further = tuple(
-            self.sensors.relative(self.robot, sighting)
-            for sighting in readings.seen
-            if sighting.is_known and sighting.landmark is None and not is_class(sighting.subject)
-        )
-        further += tuple(self.sensors.unnamed(self.robot, readings, self._turned, motion.dt))
-        told = tuple(relatives[name] for name in sorted(relatives)) + further
-        said = self.travelled, self.sensors.wheels.nuisance, self.belief, increment, told, readings.time
+        _, others = self._sightings(Named(readings), motion.dt)
+        others += self._unnamed(readings, motion.dt)
+        said = self.travelled, self.sensors.wheels.nuisance, self.belief, increment, others, readings.time
         return FilterResult(self.robot, self.epoch, readings.tick, *said, motion=motion, unsent=unsent)
 
     def enter(self, pose: Moments) -> None:
