@@ -1,6 +1,6 @@
 """Unnamed sightings into the joint: as those of a known subject where that is clear, or else in the mean."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +36,8 @@ def identified(
     tracks. `unclear` gets those that may be of several, and which these are, where no clearer or newer one of the tick is of any of
     them. Of a frame with two of these it gets none: a liar could take all its mates along in one tick, before it is doubted. What it
     alone takes for a robot of no team is one of the two. Tracks take nobody along: what may be of a mate or a track is of nobody, as
-    far as it is of the track. What may be of several tracks is taken for the likeliest, and `unclear` gets it where it may be of none.
+    far as it is of the track. What may be of several tracks is taken for the likeliest; `unclear` gets it where it may be of none, or
+    of another one that is told of.
     """
     observer, chosen, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
     lonely = set[float]()  # ages of frames that may show a robot that nobody else has seen
@@ -63,7 +64,8 @@ def identified(
             elif taken is None and share:
                 doubts.append((age, [(p, its[one]) for one, p in share.items() if one not in team.tracks]))
         if number == 0:
-            for some, one in _apart(of_tracks, set(chosen)):
+            told = {one for one in team.tracks if team.tracks.is_told(one)}
+            for some, one in _apart(of_tracks, set(chosen), told):
                 if some >= CLEAR:
                     chosen[one.subject] = one
                 else:
@@ -81,8 +83,12 @@ def identified(
     return [chosen[subject] for subject in sorted(chosen)]
 
 
-def _apart(doubts: Sequence[tuple[float, Doubt]], used: set[str]) -> list[tuple[float, Relative]]:
+def _apart(
+    doubts: Sequence[tuple[float, Doubt]], used: set[str], told: Collection[str]
+) -> list[tuple[float, Relative]]:
     """Sightings of a frame that may be of several tracks, each as of one: the likeliest pairs first.
+
+    A sighting counts for its track as far as it is of no other one that is `told` of. New tracks cast no doubt: a liar begins many.
 
     Means over all of them would draw tracks that meet together (Blom and Bloem, IEEE TAC 45(2), 2000, who leave out the less likely
     of two assignments that exchange tracks).
@@ -93,7 +99,8 @@ def _apart(doubts: Sequence[tuple[float, Doubt]], used: set[str]) -> list[tuple[
         if subject not in used and number not in done:
             used, done = used | {subject}, done | {number}
             share, doubt = doubts[number]
-            apart.append((share, next(sighting for _, sighting in doubt if sighting.subject == subject)))
+            rivals = sum(p for p, one in doubt if one.subject != subject and one.subject in told)
+            apart.append((share - rivals, next(sighting for _, sighting in doubt if sighting.subject == subject)))
     return apart
 
 

@@ -250,3 +250,17 @@ def test_the_order_of_arrival_changes_nothing() -> None:
     assert len(tracks(in_order)) == 3
     assert (in_order.joint.mean == shuffled.joint.mean).all()
     assert (in_order.joint.covariance == shuffled.joint.covariance).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_where_two_that_meet_are_is_told_less_exactly_than_of_two_that_are_apart(seed: int) -> None:
+    sigmas = []
+    for between in (4.0, 0.1):
+        joint, robots = a_team(seed=seed)
+        for tick in range(14):
+            half = max(between, 4.0 - 0.5 * tick) / 2
+            walked(joint, robots, range(tick, tick + 1), [5.0, -half], [5.0, half])
+        assert tracks(joint) == ["person/1", "person/2"]
+        sigmas.append([math.sqrt(joint.marginal(track).covariance.trace() / 2) for track in tracks(joint)])
+    apart, met = sigmas
+    assert min(met) > 1.2 * max(apart)
