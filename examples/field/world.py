@@ -71,7 +71,7 @@ class Arena:
         self.ball = np.zeros(2)
 
     def start(self, robot: str, truth: Truth) -> tuple[float, float, float]:
-        """The pose that a robot is told to begin with."""
+        """The start pose that a robot is given: the true one with an error drawn from `start` and `start_heading`."""
         sigmas = truth.start, truth.start, truth.start_heading
         x, y, heading = self.poses[robot] + self.random.normal(size=3) * sigmas
         return float(x), float(y), float(heading)

@@ -184,7 +184,7 @@ class FirstHand:
             self._sight(landmarks, motion, linear, readings.time, named)
 
     def _gained(self, before: Moments | None) -> Increment | None:
-        """What this tick has told over what was known before it."""
+        """The likelihood of this tick's measurements: the belief after the tick, divided by the one `before` it. None: nothing."""
         after = self.belief
         return None if before is None or after is None else gained(before, after)
 

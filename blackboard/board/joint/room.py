@@ -1,4 +1,4 @@
-"""How many objects the joint takes, so that no robot fills it with what nobody else sees. Pure."""
+"""Of which objects the joint takes sightings. Each robot has its share of a largest number. Pure."""
 
 from dataclasses import replace
 

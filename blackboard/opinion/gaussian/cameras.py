@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from blackboard.opinion.gaussian.relation import Bias, Relative
 
-#: A mate's estimate is clipped to this many sigmas of the prior, because nobody can check it.
+#: What a mate tells of its camera is clipped to so many sigmas around the prior mean. Other robots cannot verify it.
 MOST = 1.0
 TINY = 1e-3  # the least sigma that is believed, and the least precision that counts
 #: Mean and sigma of the binary logarithm of a factor. Its prior is 0 and 1.

@@ -88,7 +88,8 @@ def _apart(
 ) -> list[tuple[float, Relative]]:
     """Sightings of a frame that may be of several tracks, each as of one: the likeliest pairs first.
 
-    A sighting counts for its track as far as it is of no other one that is `told` of. New tracks cast no doubt: a liar begins many.
+    The share of a sighting is lessened by the odds that it is of another published track (`told`). Unpublished tracks do not count
+    here, because a liar could begin many.
 
     Means over all of them would draw tracks that meet together (Blom and Bloem, IEEE TAC 45(2), 2000, who leave out the less likely
     of two assignments that exchange tracks).

@@ -4,8 +4,8 @@ A multiple-model estimator (Magill 1965): each member is a Kalman filter of the 
 is the likelihood of the sightings under it. The joint uses the root mean square of the drifts. Before anything is seen that is the
 drift that was told: the prior of a drift is log-normal. A member that is far from the best begins again where that one is.
 An object walks until its sightings say beyond doubt that it rolls (`ROLLS`), and again once they say no more than that it may.
-A sighting that no member explains is a misread, unless the next one agrees with it: then the object was kicked, and its bank begins
-anew there.
+A sighting far from where all members expect one counts as a misread and changes nothing. If the next sighting is near it, the object
+was moved: its bank begins anew there.
 """
 
 import math
@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.rolling import PLACE, VELOCITY, Habits, Rolling, moved
 from blackboard.opinion.grid import Array
@@ -29,7 +30,9 @@ LOST = -20.0  # log likelihood by the best one's: a member that is less likely b
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.
 ROLLS, WALKS = (3.0, 0.0)
 SUREST = 10.0  # nats: the most that is held for or against, so that an object that begins to roll is soon found to
-UNLIKELY = 0.5 * quantile(GATE, 2)  # nats below where it was expected most: a sighting that no member explains
+UNLIKELY = 0.5 * quantile(
+    GATE, 2
+)  # nats: a sighting that is so much less likely than one at the expected place counts as a misread
 Model = Literal["learn", "walk", "roll"]  # of an object: which of the two its sightings show, or one of them for good
 
 
@@ -127,7 +130,7 @@ class _Motion:
         return _Motion(self.bank.after(seen, news), course), pushed
 
     def kicked(self, seen: Moments) -> "_Motion":
-        """The same if the object was kicked: how it walked before says nothing, and it may roll."""
+        """After a sighting of an object that was moved there: its drift is unknown again, and it may roll."""
         course = self.course
         return _Motion(
             _Bank.begun(seen), course and replace(course, rolling=course.rolling.seen(seen), evidence=0.0, rolls=True)
@@ -135,16 +138,14 @@ class _Motion:
 
 
 @dataclass
-class Walks:
+class Walks(Copyable):
     """Mutable. `drift` of an object is in units / sqrt(s)."""
 
     _motions: dict[str, _Motion] = field(default_factory=dict)
-    _kicked: dict[str, _Motion] = field(default_factory=dict)  # what holds if the last sighting was no misread
+    _kicked: dict[str, _Motion] = field(
+        default_factory=dict
+    )  # the motion if the last sighting, which counts as a misread, was right
     _habits: dict[str, Habits] = field(default_factory=dict)  # of things without a name, by class
-
-    def copy(self) -> "Walks":
-        """The same, which may be changed without changing this one."""
-        return Walks(dict(self._motions), dict(self._kicked), dict(self._habits))
 
     def drift(self, subject: str, prior: float) -> float:
         """The random walk of an object as found, by what it was before anything was seen."""
@@ -199,8 +200,8 @@ class Walks:
     def judge(self, subject: str, seen: Moments, named: bool = True) -> Moments | None:
         """A sighting puts an object at a place: mean, shape (2,), and covariance, shape (2, 2).
 
-        What is not `named` was taken for this object because it is near, so it is no misread. Returned is what has to be made up for,
-        as by `pass_time`: an object was just kicked, or rolls and was pushed or thrown back.
+        A sighting that is not `named` was assigned to the object by its place, so it is never a misread. Returned is a way with its
+        covariance, as by `pass_time`, where the object was just moved, or rolls and changed its velocity.
         """
         known, kicked = self._motions.get(subject), self._kicked.pop(subject, None)
         if known is None:
