@@ -133,13 +133,16 @@ class Agent:
         first = self.firsthand.beliefs()
         packed = {subject: pack(belief, self.settings.coding) for subject, belief in sorted(first.items())}
         informed = self._informed(first)
-        reports = [self._report(readings, subject, own, informed.get(subject)) for subject, own in packed.items()]
+        reports = [
+            report_of(readings, subject, own, self._with_ancestors(informed.get(subject)))
+            for subject, own in packed.items()
+        ]
         own = next(i for i, report in enumerate(reports) if report.subject == self.subject)
         reports[own] = reports[own].model_copy(update={"unnamed": self._unnamed(strange)})
         reported = informed.get(self.subject, packed[self.subject])
         self._snapshots.append(Snapshot(readings, self.mates, self.informed, reported))
         solo = {s: own for s, own in packed.items() if s == self.subject or s not in self.firsthand.seen}
-        return reports, Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=solo)
+        return reports, solo_of(readings, solo)
 
     def pose(self) -> Moments | None:
         """Where the robot is, (x, y, heading) with covariance, shape (3,) and (3, 3), with what the team agreed on.
@@ -244,14 +247,19 @@ class Agent:
                 )
         return beliefs
 
-    def _report(self, readings: Readings, subject: str, own: PackedBelief, informed: PackedBelief | None) -> Report:
+    def _with_ancestors(self, informed: PackedBelief | None) -> Informed | None:
         ancestors = dict(sorted(self.informed.ancestors.items()))
-        return Report(
-            source=self.robot,
-            subject=subject,
-            tick=readings.tick,
-            time=readings.time,
-            belief=own,
-            ancestors={self.robot: readings.time},
-            informed=None if informed is None else Informed(belief=informed, ancestors=ancestors),
-        )
+        return None if informed is None else Informed(belief=informed, ancestors=ancestors)
+
+
+def report_of(readings: Readings, subject: str, own: PackedBelief, informed: Informed | None) -> Report:
+    """The report of a tick about a subject."""
+    tick, time, robot = readings.tick, readings.time, readings.robot
+    return Report(
+        source=robot, subject=subject, tick=tick, time=time, belief=own, ancestors={robot: time}, informed=informed
+    )
+
+
+def solo_of(readings: Readings, beliefs: dict[str, PackedBelief]) -> Solo:
+    """What a robot believes after a tick without its team."""
+    return Solo(robot=readings.robot, tick=readings.tick, time=readings.time, beliefs=beliefs)

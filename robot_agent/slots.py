@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blackboard.opinion.gaussian.relation import NEAREST, triangle, upper
-from blackboard.opinion.gaussian.vehicle import AXES, wrap
+from blackboard.opinion.gaussian.vehicle import AXES, turned_by, wrap
 from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import PackedEvidence, PackedRelative, Seen
 from robot_agent.short import single
@@ -114,7 +114,7 @@ def _mean(several: Sequence[HeldSighting], time: float, evidence: PackedEvidence
     newest, _ = relatives[0]
     if alone:
         return newest.model_copy(update={"age": single(age)})
-    x, y = np.mean([_turned(_place(relative.range, relative.bearing), turn) for relative, turn in relatives], axis=0)
+    x, y = np.mean([turned_by(_place(relative.range, relative.bearing), turn) for relative, turn in relatives], axis=0)
     away = max(math.hypot(x, y), NEAREST)
     along, across = np.mean([fresh_error(relative, evidence) for relative, _ in relatives], axis=0) / count
     numbers = {"range": math.hypot(x, y), "bearing": math.atan2(y, x), "age": age}
@@ -130,7 +130,7 @@ def _mean_of_kind(told: Sequence[tuple[Seen, float]], age: float) -> Seen:
         values, spread = np.array(seen.values), triangle(seen.covariance)
         if len(values) > 1:
             frame = np.eye(len(values))
-            frame[AXES, AXES] = np.stack([_turned(np.array(axis), turn) for axis in ((1.0, 0.0), (0.0, 1.0))], axis=1)
+            frame[AXES, AXES] = np.stack([turned_by(np.array(axis), turn) for axis in ((1.0, 0.0), (0.0, 1.0))], axis=1)
             values, spread = frame @ values, frame @ spread @ frame.T
         if seen.kind in ("bearing", "pose"):
             first = newest.values[-1] + told[0][1]
@@ -144,8 +144,3 @@ def _mean_of_kind(told: Sequence[tuple[Seen, float]], age: float) -> Seen:
 
 def _place(distance: float, bearing: float) -> Array:
     return distance * np.array([math.cos(bearing), math.sin(bearing)])
-
-
-def _turned(place: Array, turn: float) -> Array:
-    c, s = math.cos(turn), math.sin(turn)
-    return np.array([c * place[0] - s * place[1], s * place[0] + c * place[1]])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +16,8 @@ from blackboard.wire.types import MAX_OPINIONS
 from sim_world.sensor_source import Changed
 from sim_world.sensors import FAR, NEAR
 from sim_world.world import Place, Streams
+
+S = TypeVar("S", Sighting, Seen)
 
 NOTHING = ""  # who is seen where nobody is
 
@@ -28,7 +32,9 @@ class Detected(Changed):
     settings: DetectorSection
     vision: WorldVisionSection
     streams: Streams
-    _noises: dict[str, np.random.Generator] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._noise = cache(self.streams)  # goes on where it was left
 
     def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
         truth, readings = self.source.advance(run, tick)
@@ -52,14 +58,7 @@ class Detected(Changed):
             (sighting for sighting in seen if self._is_unnamed(sighting.subject)),
             key=lambda sighting: (-sighting.age, sighting.values),
         )
-        unnamed = [
-            sighting.model_copy(update={"subject": class_of(sighting.subject), "landmark": None})
-            for _, sighting in others
-        ]
-        unnamed_seen = [
-            sighting.model_copy(update={"subject": class_of(sighting.subject), "landmark": None})
-            for sighting in further
-        ]
+        unnamed, unnamed_seen = [_without_name(sighting) for _, sighting in others], [*map(_without_name, further)]
         kept = [sighting for sighting in seen if not self._is_unnamed(sighting.subject)]
         told = readings.model_copy(update={"sightings": [*named, *unnamed], "seen": [*kept, *unnamed_seen]})
         return told, [*(who for who, _ in others), *(sighting.subject for sighting in further)]
@@ -110,10 +109,10 @@ class Detected(Changed):
     def _classes(self, truth: Truth) -> set[str]:
         return {class_of(subject) for subject in truth.positions if self._is_unnamed(subject)}
 
-    def _noise(self, name: str) -> np.random.Generator:
-        if name not in self._noises:
-            self._noises[name] = self.streams(name)
-        return self._noises[name]
+
+def _without_name(sighting: S) -> S:
+    """A sighting that says only of which class its subject is."""
+    return sighting.model_copy(update={"subject": class_of(sighting.subject), "landmark": None})
 
 
 def kind_of(subject: str) -> str:

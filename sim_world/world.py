@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -71,7 +72,7 @@ class World:
         self.bodies: dict[str, Body] = {}
         self.objects: dict[str, Place] = {}
         self.velocities: dict[str, Place] = {}  # of the objects that roll
-        self._noises: dict[str, np.random.Generator] = {}
+        self._noise = cache(streams)  # goes on where it was left
         for name, thing in sorted(settings.objects.items()):
             self.objects[name] = self._start(name, thing)
             if thing.rolls:
@@ -179,11 +180,6 @@ class World:
         )
 
     # --- random numbers -----------------------------------------------------------------------------------------------
-
-    def _noise(self, name: str) -> np.random.Generator:
-        if name not in self._noises:
-            self._noises[name] = self.streams(name)
-        return self._noises[name]
 
     def _walker(self, stream: str, speed: float) -> Walker:
         rng = self.streams(stream)

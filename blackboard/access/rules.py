@@ -166,10 +166,4 @@ def _rules_between(other: CertificateHolder, may: Grant) -> list[dict[str, Any]]
 
 
 def _rule(name: str, flow: str, messages: list[str], expressions: Iterable[str]) -> dict[str, Any]:
-    return {
-        "id": name,
-        "permission": "allow",
-        "flows": [flow],
-        "messages": messages,
-        "key_exprs": list(expressions),
-    }
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": list(expressions)}

@@ -1,13 +1,12 @@
 """How what a team measured follows from its poses and from what its sensors are like: residuals and derivatives."""
 
-import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from blackboard.calibrate.chain import Factors
 from blackboard.calibrate.drives import Drives, SightingRows
-from blackboard.opinion.gaussian.vehicle import curved_and_driven
+from blackboard.opinion.gaussian.vehicle import curved_and_driven, wrap
 from blackboard.opinion.grid import Array
 
 WAY, CURVED_WAY, TURN, DRIVEN_TURN, DRIFT, LAG, RANGE, RANGE_BIAS, BEARING = range(9)
@@ -87,6 +86,10 @@ class Model:
                 moves[1:, n, column], slope[1:, n, column] = np.diff(at[0]), -np.diff(rate)
         return moves, slope
 
+    def steps(self, shared: Array) -> tuple[Array, Array]:
+        """The way (unit) and the turn (rad) of each tick by the odometry with some shared numbers (N, 9), shape (K, N)."""
+        return _scaled(shared, self.commands(shared[:, LAG])[0])
+
     def moving(self, shared: Array) -> Array:
         """Seconds in motion in each tick, shape (K, N)."""
         return self.commands(shared[:, LAG])[0][:, :, 4]
@@ -95,21 +98,11 @@ class Model:
         """Each motion against the commands: along, across (unit) and turn (rad), tick by tick for each robot."""
         moves, slope = self.commands(shared[:, LAG])
         ticks, robots = poses.shape[:2]
-        way = shared[:, WAY] * moves[:, :, 0] + shared[:, CURVED_WAY] * moves[:, :, 1]
-        turn = (
-            shared[:, TURN] * moves[:, :, 2]
-            + shared[:, DRIVEN_TURN] * moves[:, :, 3]
-            + shared[:, DRIFT] * moves[:, :, 4]
-        )
+        way, turn = _scaled(shared, moves)
         by_way, by_turn = np.zeros((2, ticks, robots, EACH))
         by_way[:, :, [WAY, CURVED_WAY]] = moves[:, :, :2]
-        by_way[:, :, LAG] = shared[:, WAY] * slope[:, :, 0] + shared[:, CURVED_WAY] * slope[:, :, 1]
         by_turn[:, :, [TURN, DRIVEN_TURN, DRIFT]] = moves[:, :, 2:]
-        by_turn[:, :, LAG] = (
-            shared[:, TURN] * slope[:, :, 2]
-            + shared[:, DRIVEN_TURN] * slope[:, :, 3]
-            + shared[:, DRIFT] * slope[:, :, 4]
-        )
+        by_way[:, :, LAG], by_turn[:, :, LAG] = _scaled(shared, slope)
         k, n = (index.ravel() for index in np.mgrid[1:ticks, 0:robots])
         before, after = poses[k - 1, n], poses[k, n]
         angle = before[:, 2] + turn[k, n] / 2
@@ -125,7 +118,7 @@ class Model:
         by_shared[:, 0] -= by_way[k, n]
         by_shared[:, 2] -= by_turn[k, n]
         residual = np.column_stack(
-            [way[k, n] - went[:, 0], -went[:, 1], -wrapped(after[:, 2] - before[:, 2] - turn[k, n])]
+            [way[k, n] - went[:, 0], -went[:, 1], -wrap(after[:, 2] - before[:, 2] - turn[k, n])]
         )
         variance = self.odometry_variance(shared, noise)[k, n]
         return Factors(residual, 1.0 / variance, [(k, n, by_after), (k - 1, n, by_before)], [(n, by_shared)])
@@ -152,7 +145,7 @@ class Model:
         residual = np.column_stack(
             [
                 sightings.range - scale * away - shared[sightings.robot, RANGE_BIAS],
-                wrapped(
+                wrap(
                     sightings.bearing
                     - np.arctan2(apart[:, 1], apart[:, 0])
                     + mine[:, 2]
@@ -183,7 +176,7 @@ class Model:
         """Poses of robots at the times of sightings, shape (M, 3), on the straight line between two ticks."""
         after, before = poses[sightings.tick, robot], poses[sightings.tick - 1, robot]
         went = after - before
-        went[:, 2] = wrapped(went[:, 2])
+        went[:, 2] = wrap(went[:, 2])
         return np.asarray(after - sightings.share[:, None] * went)
 
     def fixes(self, poses: Array) -> Factors:
@@ -197,10 +190,12 @@ class Model:
         headings = self.drives.headings
         by = np.zeros((len(headings.tick), 1, 3))
         by[:, 0, 2] = 1.0
-        residual = wrapped(headings.value - poses[headings.tick, headings.robot, 2:])
+        residual = wrap(headings.value - poses[headings.tick, headings.robot, 2:])
         return Factors(residual, 1 / headings.sigma[:, None] ** 2, [(headings.tick, headings.robot, by)], [])
 
 
-def wrapped(angle: Array) -> Array:
-    """The same angles in [-pi, pi)."""
-    return np.asarray((angle + math.pi) % (2 * math.pi) - math.pi)
+def _scaled(shared: Array, moves: Array) -> tuple[Array, Array]:
+    """Ways and turns by commands, shape (K, N, 5), each of which counts as the shared numbers (N, 9) say: shape (K, N)."""
+    way = shared[:, WAY] * moves[:, :, 0] + shared[:, CURVED_WAY] * moves[:, :, 1]
+    turn = shared[:, TURN] * moves[:, :, 2] + shared[:, DRIVEN_TURN] * moves[:, :, 3]
+    return way, turn + shared[:, DRIFT] * moves[:, :, 4]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from blackboard.calibrate.drives import Drives
-from blackboard.calibrate.model import CURVED_WAY, DRIFT, DRIVEN_TURN, WAY, Model, wrapped
-from blackboard.calibrate.model import TURN as TURN_SCALE
+from blackboard.calibrate.model import Model
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.opinion.grid import Array
 
 WINDOW = 3.0  # seconds: sightings of so long are taken together, moved by the odometry
@@ -23,13 +23,7 @@ def first_poses(model: Model, shared: Array) -> Array:
     Backwards before the first one. A robot without any begins at 0.
     """
     drives = model.drives
-    moves, _ = model.commands(shared[:, -4])
-    way = shared[:, WAY] * moves[:, :, 0] + shared[:, CURVED_WAY] * moves[:, :, 1]
-    turn = (
-        shared[:, TURN_SCALE] * moves[:, :, 2]
-        + shared[:, DRIVEN_TURN] * moves[:, :, 3]
-        + shared[:, DRIFT] * moves[:, :, 4]
-    )
+    way, turn = model.steps(shared)
     poses = np.zeros((*turn.shape, 3))
     for n in range(len(drives.robots)):
         led = _led(way[:, n], turn[:, n])
@@ -108,4 +102,4 @@ def _agreed(seen: Array, places: Array, distance: Array) -> Array | None:
     turn = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
     c, s = math.cos(turn), math.sin(turn)
     x, y = there - np.array([[c, -s], [s, c]]) @ middle
-    return np.array([x, y, float(wrapped(np.array(turn)))])
+    return np.array([x, y, wrap(turn)])

@@ -137,11 +137,7 @@ def text(report: Mapping[str, Any]) -> str:
         for one in combinations[1:]:
             values = (shown(one["difference"][group]["agreed"][name], sign="+") for name in names)
             rows.append((one["label"], *values, "", ""))
-        table = columns(rows, numbers=range(1, 1 + len(head)))
-        if len(combinations) > 1:
-            between = f"minus {combinations[0]['label']}, in pairs of runs of the same seed:"
-            table.insert(1 + len(combinations), between)
-        lines += ["", *table]
+        lines += ["", *_compared(rows, combinations)]
         lines += [line for one in combinations for line in _left_out(one, group, len(combinations) > 1)]
     return "\n".join(
         [*lines, *(line for kind in combinations[0]["tracks"] for line in ("", *_of_tracks(combinations, kind)))]
@@ -155,7 +151,12 @@ def _of_tracks(combinations: Sequence[Mapping[str, Any]], kind: str) -> list[str
     rows += [(one["label"], *(shown(one["tracks"][kind][name]) for name in names)) for one in combinations]
     for one in combinations[1:]:
         rows.append((one["label"], *(shown(one["tracks_difference"][kind][name], sign="+") for name in names)))
-    table = columns(rows, numbers=range(1, 1 + len(names)))
+    return _compared(rows, combinations)
+
+
+def _compared(rows: Sequence[tuple[str, ...]], combinations: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Rows in columns, with a line before those of the differences."""
+    table = columns(rows, numbers=range(1, len(rows[0])))
     if len(combinations) > 1:
         table.insert(1 + len(combinations), f"minus {combinations[0]['label']}, in pairs of runs of the same seed:")
     return table

@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from blackboard.opinion.gaussian.vehicle import wrap
 from blackboard.opinion.grid import Array, Grid
 
 NARROWEST = 0.25  # cells: the least standard deviation
@@ -128,8 +129,7 @@ def from_range_bearing(
         if distance is not None:
             density = density - 0.5 * ((far - distance) / along) ** 2  # ln N(z; |x - x_r|, sigma)
         if bearing is not None:
-            off = np.arctan2(dy, dx) - heading - bearing
-            off = (off + np.pi) % (2 * np.pi) - np.pi
+            off = wrap(np.arctan2(dy, dx) - heading - bearing)
             across = np.maximum(far, least)  # a bearing is less exact than a cell near the robot
             sigma = np.sqrt(bearing_sigma**2 + heading_sigma**2 + (max(position_sigma, least) / across) ** 2)
             density = density - 0.5 * (off / sigma) ** 2 - np.log(sigma)

@@ -30,7 +30,7 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.messages import Informed, PackedBelief, Readings, Report, Solo
 from blackboard.wire.types import capped
-from robot_agent.agent import SNAPSHOTS, Agent, Feedback, TeamBelief
+from robot_agent.agent import SNAPSHOTS, Agent, Feedback, TeamBelief, report_of, solo_of
 from robot_agent.budget import Sending
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FilterResult, FirstHand
@@ -106,7 +106,7 @@ class JointAgent:
         # It has none to begin with, and looks for its place itself.
         if told.belief is None and isinstance(self.filter, Given):
             self._time = readings.time
-            return [], Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs={})
+            return [], solo_of(readings, {})
         if told.belief is None:
             reports, solo = self._search(readings, agreed)
         else:
@@ -181,20 +181,12 @@ class JointAgent:
         }
         informed = self._informed(readings)
         reports = [
-            Report(
-                source=self.robot,
-                subject=subject,
-                tick=readings.tick,
-                time=readings.time,
-                belief=belief,
-                ancestors={self.robot: readings.time},
-                informed=informed if subject == self.subject else None,
-            )
+            report_of(readings, subject, belief, informed if subject == self.subject else None)
             for subject, belief in first.items()
         ]
         mates = {relative.subject for relative in told.relatives if relative.subject.startswith("robot/")}
         solo = {subject: belief for subject, belief in first.items() if subject not in mates}
-        return reports, Solo(robot=self.robot, tick=readings.tick, time=readings.time, beliefs=solo)
+        return reports, solo_of(readings, solo)
 
     def _firsthand(self, readings: Readings, told: FilterResult) -> dict[str, Belief]:
         """The beliefs about this robot, the objects that it knows, and the mates that it sees in this tick."""

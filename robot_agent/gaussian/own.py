@@ -184,7 +184,7 @@ def of_particles(particles: Array, weights: Sequence[float] | Array | None = Non
     """
     share = np.full(len(particles), 1.0 / len(particles)) if weights is None else np.asarray(weights) / np.sum(weights)
     middle = float(np.angle(share @ np.exp(1j * particles[:, 2])))
-    turned = (particles[:, 2] - middle + np.pi) % (2 * np.pi) - np.pi
+    turned = wrap(particles[:, 2] - middle)
     points = np.column_stack([particles[:, :2], turned])
     mean = share @ points
     away = points - mean

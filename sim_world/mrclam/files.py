@@ -10,7 +10,7 @@ import numpy as np
 
 from blackboard.config.mrclam import recording_folder, surveyed, table
 from blackboard.errors import UserError
-from blackboard.opinion.gaussian.vehicle import kinds
+from blackboard.opinion.gaussian.vehicle import kinds, wrap
 from blackboard.opinion.grid import Array
 
 LONGEST_GAP = 0.5  # seconds: ground truth is not interpolated over a longer gap
@@ -102,8 +102,7 @@ def interpolated(poses: Array, time: float) -> tuple[float, float, float] | None
         return None
     t1, x1, y1, h1 = (float(v) for v in poses[row])
     part = (time - t0) / (t1 - t0)
-    turn = (h1 - h0 + math.pi) % (2 * math.pi) - math.pi
-    return x0 + part * (x1 - x0), y0 + part * (y1 - y0), h0 + part * turn
+    return x0 + part * (x1 - x0), y0 + part * (y1 - y0), h0 + part * wrap(h1 - h0)
 
 
 def read_recording(folder: str | Path | None) -> Recording:

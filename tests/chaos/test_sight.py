@@ -1,5 +1,7 @@
 """What counts as settled again, and from when on."""
 
+import pytest
+
 from blackboard.chaos.sight import FRESH, Look, Sight, recovery, settled
 from blackboard.config import TeamSection
 from blackboard.opinion.belief import uniform
@@ -32,32 +34,33 @@ def everything(time: float, **ancestors: float) -> list[Envelope]:
     return [agreed(s, f"robot/{r}", time, **ancestors) for s in "ab" for r in ("r1", "r2")]
 
 
-def test_all_is_settled_where_each_board_has_every_robot_fresh() -> None:
-    sight = sight_of(clock(10.0), *everything(10.0, r1=9.8, r2=9.8))
-    assert sight.look(0.0).missing == ()
-    assert sight.look(0.0).of == 4
+OLD = 10.0 - FRESH - 0.1
+STALE = [("a", "object/ball"), ("b", "object/ball")]
 
 
-def test_a_belief_that_rests_on_an_old_report_is_not_settled() -> None:
-    sight = sight_of(clock(10.0), *everything(10.0, r1=10.0 - FRESH - 0.1, r2=9.8))
-    assert sight.look(0.0).missing == (("a", "robot/r1"), ("b", "robot/r1"))
-    assert sight.look(0.0, away={"r1"}).missing == ()
+@pytest.mark.parametrize(
+    ("heard", "missing"),
+    [
+        (everything(10.0, r1=9.8, r2=9.8), []),
+        (everything(10.0, r1=OLD, r2=9.8), [("a", "robot/r1"), ("b", "robot/r1")]),  # rests on an old report
+        ([*everything(10.0, r1=10.0, r2=10.0), agreed("b", "object/ball", OLD)], STALE),  # whatever it rests on
+        ([agreed("a", "robot/r1", 10.0, r1=10.0)], [("a", "robot/r2"), ("b", "robot/r1"), ("b", "robot/r2")]),
+    ],
+    ids=["all is fresh", "an old report", "an old belief", "no belief"],
+)
+def test_what_is_not_settled_is_missing(heard: list[Envelope], missing: list[tuple[str, str]]) -> None:
+    look = sight_of(clock(10.0), *heard).look(0.0)
+    assert (list(look.missing), look.of) == (missing, 6 if missing == STALE else 4)
 
 
-def test_an_old_belief_is_not_settled_whatever_it_rests_on() -> None:
-    sight = sight_of(clock(10.0), *everything(10.0, r1=10.0, r2=10.0), agreed("b", "object/ball", 10.0 - FRESH - 0.1))
-    assert sight.look(0.0).missing == (("a", "object/ball"), ("b", "object/ball"))
+def test_nothing_is_expected_of_who_is_away_nor_of_a_sub_team_without_its_board() -> None:
+    assert sight_of(clock(10.0), *everything(10.0, r1=OLD, r2=9.8)).look(0.0, away={"r1"}).missing == ()
+    assert sight_of(clock(10.0), agreed("a", "robot/r1", 10.0, r1=10.0)).look(0.0, away={"board-b"}).missing == ()
 
 
 def test_team_time_goes_on_while_no_clock_is_heard() -> None:
     sight = sight_of(clock(10.0), *everything(10.0, r1=10.0, r2=10.0))
     assert len(sight.look(FRESH + 0.1).missing) == 4
-
-
-def test_nothing_is_expected_of_a_sub_team_without_its_board() -> None:
-    sight = sight_of(clock(10.0), agreed("a", "robot/r1", 10.0, r1=10.0))
-    assert len(sight.look(0.0).missing) == 3
-    assert sight.look(0.0, away={"board-b"}).missing == ()
 
 
 def test_messages_are_counted_by_whom_they_are_from() -> None:
@@ -87,20 +90,17 @@ def looks(missing: dict[float, int], until: float = 20.0) -> list[Look]:
     return [Look(t, t, tuple(pairs[: missing.get(t, 0)]), 9) for t in times]
 
 
-def test_a_recovery_is_counted_from_the_end_of_the_trouble() -> None:
-    assert recovery(looks({6.0: 1, 7.0: 3, 8.5: 1}), 5.0, 7.5) == 1.0
-
-
-def test_a_recovery_lasts_until_nothing_is_missing_for_a_while() -> None:
-    assert recovery(looks({8.0: 1, 9.5: 1, 12.0: 1}), 5.0, 7.5) == 2.0
-
-
-def test_what_was_missing_before_does_not_count() -> None:
-    assert recovery(looks({3.0: 5}), 5.0, 7.5) == 0.0
-
-
-def test_what_is_missing_to_the_end_never_recovers() -> None:
-    assert recovery(looks({0.5 * i: 1 for i in range(10, 41)}), 5.0, 7.5) is None
+@pytest.mark.parametrize(
+    ("missing", "seconds"),
+    [
+        ({6.0: 1, 7.0: 3, 8.5: 1}, 1.0),  # from the end of the trouble, at 7.5 s
+        ({8.0: 1, 9.5: 1, 12.0: 1}, 2.0),  # until nothing is missing for a while
+        ({3.0: 5}, 0.0),  # before the trouble
+        ({0.5 * i: 1 for i in range(10, 41)}, None),  # to the end
+    ],
+)
+def test_a_recovery_lasts_until_all_is_settled_for_a_while(missing: dict[float, int], seconds: float | None) -> None:
+    assert recovery(looks(missing), 5.0, 7.5) == seconds
 
 
 def test_the_share_that_was_settled() -> None:

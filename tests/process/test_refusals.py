@@ -9,6 +9,11 @@ def key(robot: str, subject: str = "object/ball", sub_team: str = "a") -> str:
     return f"cop/t/{sub_team}/report/{robot}/{subject}"
 
 
+def early(refusals: Refusals) -> None:
+    """Refuse a report of r1 whose token may still come."""
+    refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+
+
 def test_the_newest_of_each_robot_is_told_with_how_many_there_were() -> None:
     refusals = Refusals()
     for subject in ("object/ball", "robot/r1"):
@@ -34,18 +39,18 @@ def test_it_is_told_once_and_at_most_once_in_a_period() -> None:
 def test_what_came_early_is_told_after_a_period_in_which_it_was_not_taken() -> None:
     refusals = Refusals()
     for at in (10.0, 10.5):
-        refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+        early(refusals)
         assert refusals.due(at) == []
     assert [refusal.reason for _, refusal in refusals.due(10.0 + PERIOD)] == ["unregistered"]
 
 
 def test_what_was_taken_after_all_is_not_told_and_a_later_one_waits_again() -> None:
     refusals = Refusals()
-    refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+    early(refusals)
     assert refusals.due(10.0) == []
     refusals.handled(key("r1", "robot/r1"))
     assert refusals.due(20.0) == []
-    refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+    early(refusals)
     assert refusals.due(30.0) == []
 
 
@@ -55,7 +60,7 @@ def test_a_robot_that_was_told_and_then_taken_may_come_early_again() -> None:
     assert len(refusals.due(10.0)) == 1
     refusals.due(11.5)
     refusals.handled(key("r1"))
-    refusals.record(key("r1"), Refused("unregistered", ""), early=True)
+    early(refusals)
     assert refusals.due(20.0) == []
 
 

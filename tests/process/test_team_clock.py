@@ -32,6 +32,14 @@ def world(clock: TeamClock, kind: Kind, now: float = NOW) -> None:
     clock.roster.hear_token(Envelope(WORLD, kind=kind), now)
 
 
+def following(tick: int, mode: Any = "lockstep", grace: float = 0.5) -> TeamClock:
+    """A team clock that follows a world, whose newest Clock came at `NOW`."""
+    clock = TeamClock(Roster(grace=grace), period=0.5)
+    world(clock, Kind.ALIVE)
+    assert clock.hear_clock(clock_message(tick, mode), NOW) is News.RUN
+    return clock
+
+
 def news(clock: TeamClock, now: float) -> list[News]:
     """All that is new at a time."""
     clock.roster.forget(now)
@@ -125,9 +133,7 @@ def test_a_token_without_a_clock_stops_nobody_for_long() -> None:
 
 
 def test_a_token_whose_clock_has_stopped_is_given_up() -> None:
-    clock = TeamClock(Roster(), period=0.5)
-    world(clock, Kind.ALIVE)
-    clock.hear_clock(clock_message(3), NOW)
+    clock = following(3)
     assert clock.changes_at() == NOW + STOPPED
     assert news(clock, NOW + STOPPED) == [News.FREE, News.TICK]
     assert clock.pace is Pace.FREE
@@ -155,9 +161,7 @@ def test_one_clock_moves_nobody_whoever_sends_it(false: dict[str, Any], mode: st
 
 @pytest.mark.parametrize("jump", [8, 2**53 - 20])
 def test_a_jump_is_believed_with_the_second_clock_and_the_true_one_again_when_it_stops(jump: int) -> None:
-    clock = TeamClock(Roster(), period=0.5)
-    world(clock, Kind.ALIVE)
-    clock.hear_clock(clock_message(5), NOW)
+    clock = following(5)
     assert [clock.hear_clock(clock_message(jump), NOW + 0.2 * i) for i in range(4)] == [News.NOTHING] * 3 + [News.TICK]
     assert clock.tick == jump
     assert clock.hear_clock(clock_message(5), NOW + 2.0) is News.NOTHING  # the true world repeats its tick
@@ -166,9 +170,7 @@ def test_a_jump_is_believed_with_the_second_clock_and_the_true_one_again_when_it
 
 
 def test_a_new_run_is_believed_at_once_only_with_a_new_token() -> None:
-    clock = TeamClock(Roster(grace=0.5), period=0.5)
-    world(clock, Kind.ALIVE)
-    clock.hear_clock(clock_message(5), NOW)
+    clock = following(5)
     assert clock.hear_clock(clock_message(0, run="two"), NOW + 1.0) is News.NOTHING
     world(clock, Kind.GONE, NOW + 1.1)
     world(clock, Kind.ALIVE, NOW + 1.2)
@@ -177,17 +179,13 @@ def test_a_new_run_is_believed_at_once_only_with_a_new_token() -> None:
 
 
 def test_a_run_that_has_fallen_silent_is_left_for_one_that_is_heard() -> None:
-    clock = TeamClock(Roster(), period=0.5)
-    world(clock, Kind.ALIVE)
-    clock.hear_clock(clock_message(5), NOW)
+    clock = following(5)
     assert [clock.hear_clock(clock_message(i, run="two"), NOW + 1.0 + i) for i in range(4)] == [News.NOTHING] * 4
     assert clock.hear_clock(clock_message(4, run="two"), NOW + WORLD_SILENT) is News.RUN
 
 
 def test_one_clock_of_another_run_is_not_enough_even_in_silence() -> None:
-    clock = TeamClock(Roster(), period=0.5)
-    world(clock, Kind.ALIVE)
-    clock.hear_clock(clock_message(5), NOW)
+    clock = following(5)
     assert clock.hear_clock(clock_message(0, run="two"), NOW + 30.0) is News.NOTHING
     assert clock.hear_clock(clock_message(6), NOW + 31.0) is News.TICK
 
@@ -228,9 +226,7 @@ def test_a_clock_that_comes_before_its_token_is_followed_with_it() -> None:
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_a_world_that_is_gone_and_silent_is_given_up(mode: str) -> None:
-    clock = TeamClock(Roster(grace=0.5), period=0.5)
-    world(clock, Kind.ALIVE)
-    clock.hear_clock(clock_message(3, mode), NOW)
+    clock = following(3, mode)
     world(clock, Kind.GONE, NOW + 1.0)
     assert news(clock, NOW + 1.5) == []
     assert clock.changes_at() == NOW + WORLD_SILENT
@@ -245,9 +241,7 @@ def test_a_world_that_is_gone_and_silent_is_given_up(mode: str) -> None:
 
 
 def test_the_clocks_of_a_world_that_is_gone_do_not_keep_it() -> None:
-    clock = TeamClock(Roster(grace=0.5), period=0.5)
-    world(clock, Kind.ALIVE)
-    clock.hear_clock(clock_message(3), NOW)
+    clock = following(3)
     world(clock, Kind.GONE, NOW)
     clock.roster.forget(NOW + 0.5)
     assert clock.hear_clock(clock_message(4), NOW + 4.0) is News.NOTHING
@@ -255,9 +249,7 @@ def test_the_clocks_of_a_world_that_is_gone_do_not_keep_it() -> None:
 
 
 def test_a_world_that_is_back_in_time_goes_on() -> None:
-    clock = TeamClock(Roster(grace=0.5), period=0.5)
-    world(clock, Kind.ALIVE)
-    clock.hear_clock(clock_message(3), NOW)
+    clock = following(3)
     world(clock, Kind.GONE, NOW + 1.0)
     assert news(clock, NOW + 2.0) == []
     world(clock, Kind.ALIVE, NOW + 4.0)

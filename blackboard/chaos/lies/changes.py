@@ -19,7 +19,7 @@ from pydantic import ValidationError
 from blackboard.chaos.lies.scene import Reports, Scene, Whom
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.gaussian.relation import upper
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, wrap
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, turned_by, wrap
 from blackboard.opinion.grid import Array
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import MAX_RELATIVES, PackedEvidence, PackedIncrement, PackedMotion, PackedRelative, Seen
@@ -150,7 +150,7 @@ class Tells(Change):
         others = _others(self.whom, scene)
         for number, (subject, place) in enumerate(others.items()):
             angle = math.tau * number / len(others) if self.apart else 0.0
-            at = place + _turned(self.offset, angle) + self.noise * scene.rng.normal(size=2)
+            at = place + turned_by(self.offset, angle) + self.noise * scene.rng.normal(size=2)
             told.append(self._seen_at(state, subject, at))
         return evidence.model_copy(update={"seen": told[:MAX_RELATIVES]})
 
@@ -364,12 +364,6 @@ def _increment(reference: Sequence[float], information: Array, vector: Array) ->
     return PackedIncrement(
         reference=tuple(reference), information=upper(information), vector=tuple(vector[:states].tolist())
     )
-
-
-def _turned(offset: tuple[float, float], angle: float) -> Array:
-    """An offset, turned counter-clockwise by an angle: shape (2,)."""
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])
 
 
 def _where(pose: Array, seen: PackedRelative) -> Array:

@@ -93,9 +93,7 @@ def found_again(new: Mapping[str, tuple[str, Rolling]], absent: Mapping[str, Abs
                 there = math.exp(-absent[name].unseen / STAYS) / UNKNOWN
                 weights[row, column] = there * math.exp(min(40.0, likelier(options, rolling, area)))
     weights[weights < FAINTEST] = 0.0
-    shares = posterior(weights)
-    pairs = ((row, column) for row in range(len(rows)) for column in range(len(columns)))
-    return {rows[row]: columns[column] for row, column in pairs if shares[row, column] > LIKELY}
+    return {rows[row]: columns[column] for row, column in np.argwhere(posterior(weights) > LIKELY)}
 
 
 def likelier(options: Sequence[Option], new: Rolling, area: float) -> float:

@@ -15,12 +15,11 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.copying import Copyable
-from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Joint
+from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Joint, pairs_of
 from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array
 
@@ -94,7 +93,7 @@ class Influence(Copyable):
         size = 2 * len(places)
         self._moved, self._honest = np.zeros((len(robots), size)), np.zeros((len(robots), size, size))
         kept = [block for block in places if block in before[1]]
-        to, of = _pairs(places, kept), _pairs(before[1], kept)
+        to, of = pairs_of(places, kept), pairs_of(before[1], kept)
         for row, robot in enumerate(robots):
             if robot in before[0]:
                 old = before[0].index(robot)
@@ -170,12 +169,6 @@ class Influence(Copyable):
         joint.covariance[np.ix_(rows, rows)] += np.where(others, self._honest[row], 0.0)
         self._moved[row] = np.where(own, self._moved[row], 0.0)
         self._honest[row] = np.where(own & own[:, np.newaxis], self._honest[row], 0.0)
-
-
-def _pairs(places: list[str], some: list[str]) -> npt.NDArray[np.intp]:
-    """Where x and y of some places are, shape (2 some,)."""
-    at = 2 * np.array([places.index(place) for place in some], dtype=np.intp)
-    return np.asarray((at[:, np.newaxis] + np.arange(2)).ravel())
 
 
 def _blocks(matrices: Array) -> Array:

@@ -370,3 +370,9 @@ class Joint:
 
 def _symmetric(matrix: Array) -> Array:
     return np.asarray(0.5 * (matrix + matrix.T))
+
+
+def pairs_of(names: Sequence[str], some: Sequence[str]) -> npt.NDArray[np.intp]:
+    """Where x and y of some names are in a vector that has two numbers of each name, shape (2 some,)."""
+    first = 2 * np.array([names.index(name) for name in some], dtype=np.intp)
+    return np.asarray((first[:, np.newaxis] + np.arange(2)).ravel())

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.copying import Copyable
-from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, squared_distance
+from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, pairs_of, squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
@@ -69,7 +69,7 @@ class MateScores:
         subjects = tuple(dict.fromkeys((*self.subjects, *other.subjects)))
         gradient, covariance = np.zeros(2 * len(subjects)), np.zeros((2 * len(subjects),) * 2)
         for score in (self, other):
-            at = _places(subjects, score.subjects)
+            at = pairs_of(subjects, score.subjects)
             gradient[at] += score.gradient
             covariance[np.ix_(at, at)] += score.covariance
         return MateScores(subjects, gradient, covariance)
@@ -79,7 +79,7 @@ class MateScores:
         if subject not in self.subjects:
             return self
         others = tuple(other for other in self.subjects if other != subject)
-        at, rest = _places(self.subjects, [subject]), _places(self.subjects, others)
+        at, rest = pairs_of(self.subjects, [subject]), pairs_of(self.subjects, others)
         by = np.linalg.solve(_rounded(self.covariance[np.ix_(at, at)]), self.covariance[np.ix_(at, rest)])
         covariance = self.covariance[np.ix_(rest, rest)] - self.covariance[np.ix_(rest, at)] @ by
         return MateScores(others, self.gradient[rest] - self.gradient[at] @ by, covariance)
@@ -211,9 +211,3 @@ def _of_each(subjects: npt.NDArray[np.str_], ways: Array, inverse: Array, residu
     each = np.hstack([ways * (subjects == name)[:, np.newaxis] for name in names])
     weighed = inverse @ each
     return MateScores(names, weighed.T @ residual, each.T @ weighed)
-
-
-def _places(subjects: Sequence[str], some: Sequence[str]) -> npt.NDArray[np.intp]:
-    """Where the offsets of some subjects are, shape (2 some,)."""
-    first = 2 * np.array([subjects.index(subject) for subject in some], dtype=np.intp)
-    return np.asarray((first[:, np.newaxis] + np.arange(2)).ravel())

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import NEAREST, Relative
-from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in
+from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in, wrap
 from blackboard.opinion.grid import Array
 
 MOST = 32  # sightings that are kept of one thing, from places that are far apart
@@ -162,7 +162,7 @@ class Ring(Copyable):
         away = ends[:, None] - lines.places
         distance = np.maximum(np.hypot(away[..., 0], away[..., 1]), NEAREST)
         turned = lines.values - np.arctan2(away[..., 1], away[..., 0])
-        off = np.where(lines.ranges, lines.values - distance, ((turned + math.pi) % (2 * math.pi) - math.pi) * distance)
+        off = np.where(lines.ranges, lines.values - distance, wrap(turned) * distance)
         across = np.stack([-away[..., 1], away[..., 0]], axis=-1)
         rows = np.where(lines.ranges[:, None], away, across) / distance[..., None]
         fresh = np.where(lines.ranges, lines.fresh, lines.fresh * distance**2)

@@ -196,9 +196,7 @@ def _called(team: TeamState) -> dict[str, str]:
                 weights[row, column] = (
                     _density(mine.mean - its.mean, mine.covariance + its.covariance) * team.naming.area
                 )
-    shares = posterior(weights)
-    pairs = ((row, column) for row in range(len(blocks)) for column in range(len(names)))
-    return {blocks[row]: names[column] for row, column in pairs if shares[row, column] >= CLEAR}
+    return {blocks[row]: names[column] for row, column in np.argwhere(posterior(weights) >= CLEAR)}
 
 
 def _density(apart: Array, covariance: Array) -> float:

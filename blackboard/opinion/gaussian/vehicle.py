@@ -273,3 +273,9 @@ def correct(
 def wrap(angle: Angle) -> Angle:
     """The same angle, or angles, in [-pi, pi)."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def turned_by(offset: Sequence[float] | Array, angle: float) -> Array:
+    """An offset, turned counter-clockwise by an angle (radians): shape (2,)."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])

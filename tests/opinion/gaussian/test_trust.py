@@ -1,5 +1,6 @@
 """Who is believed where sightings contradict each other."""
 
+from collections.abc import Callable, Sequence
 from itertools import permutations
 
 from blackboard.opinion.believed import FIRM
@@ -8,12 +9,20 @@ from blackboard.opinion.gaussian.trust import Trust
 TEAM = tuple(f"robot/r{k}" for k in range(1, 6))
 
 
-def judged(liars: set[str], ticks: int = 2 * FIRM) -> Trust:
-    trust = Trust()
+def judge(trust: Trust, ticks: int, agrees: Callable[[str, str], bool], robots: Sequence[str] = TEAM) -> Trust:
+    """Let each robot see each other one for some ticks."""
     for _ in range(ticks):
-        for observer, subject in permutations(TEAM, 2):
-            trust.judge(observer, subject, agrees=not {observer, subject} & liars)
+        for observer, subject in permutations(robots, 2):
+            trust.judge(observer, subject, agrees=agrees(observer, subject))
     return trust
+
+
+def judged(liars: set[str], ticks: int = 2 * FIRM) -> Trust:
+    return judge(Trust(), ticks, lambda observer, subject: not {observer, subject} & liars)
+
+
+def all_agree(observer: str, subject: str) -> bool:
+    return True
 
 
 def test_where_all_agree_nobody_is_left_out() -> None:
@@ -32,10 +41,7 @@ def test_a_contradiction_between_two_robots_alone_accuses_neither() -> None:
 
 
 def test_who_agrees_again_is_taken_back() -> None:
-    trust = judged({"robot/r2"})
-    for _ in range(20):
-        for observer, subject in permutations(TEAM, 2):
-            trust.judge(observer, subject, agrees=True)
+    trust = judge(judged({"robot/r2"}), 20, all_agree)
     assert trust.left_out() == frozenset()
 
 
@@ -57,11 +63,7 @@ def opposed(size: int, lonely: int = 0) -> Trust:
     """Two camps of some size, each of one mind, and robots that contradict everybody."""
     names = [f"robot/r{k}" for k in range(2 * size + lonely)]
     mind = {name: min(k // size, 2) + 10 * k * (k >= 2 * size) for k, name in enumerate(names)}
-    trust = Trust()
-    for _ in range(2 * FIRM):
-        for observer, subject in permutations(names, 2):
-            trust.judge(observer, subject, agrees=mind[observer] == mind[subject])
-    return trust
+    return judge(Trust(), 2 * FIRM, lambda observer, subject: mind[observer] == mind[subject], names)
 
 
 def test_of_two_equal_camps_nobody_is_left_out() -> None:
@@ -80,12 +82,8 @@ def test_beside_two_equal_camps_who_contradicts_all_is_left_out_all_the_same() -
 def test_the_larger_camp_is_believed() -> None:
     trust = judged({"robot/r2"})
     for _ in range(2 * FIRM):
-        for observer, subject in permutations(("robot/r4", "robot/r5"), 2):
-            trust.judge(observer, subject, agrees=True)
-        for observer, subject in permutations(TEAM, 2):
-            trust.judge(
-                observer, subject, agrees=("robot/r2" in (observer, subject)) == ("robot/r3" in (observer, subject))
-            )
+        judge(trust, 1, all_agree, ("robot/r4", "robot/r5"))
+        judge(trust, 1, lambda *pair: ("robot/r2" in pair) == ("robot/r3" in pair))
     assert trust.camps() == []
 
 
@@ -94,8 +92,7 @@ def test_who_contradicted_is_taken_back_slowly() -> None:
     rounds = 0
     while trust.left_out():
         rounds += 1
-        for observer, subject in permutations(TEAM, 2):
-            trust.judge(observer, subject, agrees=True)
+        judge(trust, 1, all_agree)
     assert 15 <= rounds <= 20
 
 
