@@ -14,7 +14,9 @@ from blackboard.net.bus import BusLink
 from blackboard.net.link import Link
 from blackboard.process.clock import UnixClock
 from blackboard.run.door import PARENT
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Consensus
 from tests.files import ROOT
 
 AnyLink = Link | BusLink
@@ -174,3 +176,16 @@ def _seconds_kept_waiting(pid: int) -> float:
         return int(Path(f"/proc/{pid}/schedstat").read_text().split()[1]) / 1e9
     except (FileNotFoundError, IndexError):
         return 0.0
+
+
+def wait_for_consensus(link: Link, robots: set[str], said: Callable[[], str]) -> None:
+    """Wait until a board of sub-team a of team t takes all robots for the ball, and each for its own place."""
+    link.subscribe("cop/t/a/consensus/**")
+    used: dict[str, set[str]] = {}
+
+    def all_of_them() -> bool:
+        for c in (decode(Consensus, e.payload) for e in link.receive(0.1)):
+            used[c.subject] = {opinion.source for opinion in c.used}
+        return used.get("object/ball") == robots and all(used.get(f"robot/{r}") == {r} for r in robots)
+
+    wait_until(all_of_them, lambda: f"each is in the consensus; used are {used}; {said()}")

@@ -57,6 +57,13 @@ class One:
         return opened(self.member.report(subject, belief, now, **more))
 
 
+def new_board() -> BoardService:
+    """A real board that has seen its own token."""
+    board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
+    board.receive(board_of("a", name="board-a"), NOW)
+    return board
+
+
 def settled(board: BoardService, now: float) -> list[str]:
     """What a board has beliefs about at a time."""
     matches = (keys.CONSENSUS.match(envelope.key) for envelope in board.wake(now))
@@ -114,8 +121,7 @@ def test_what_was_stamped_by_another_clock_is_forgotten_with_it() -> None:
 
 def test_what_is_withdrawn_is_not_listed_any_more_and_boards_forget_it() -> None:
     robot = One()
-    board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
-    board.receive(board_of("a", name="board-a"), NOW)
+    board = new_board()
     board.receive(Envelope(robot.member.tokens[0], kind=Kind.ALIVE), NOW)
     for subject in ("object/ball", "robot/r1"):
         for envelope in robot.member.report(subject, PLACE, NOW):
@@ -128,8 +134,7 @@ def test_what_is_withdrawn_is_not_listed_any_more_and_boards_forget_it() -> None
 
 
 def test_a_program_that_starts_again_withdraws_what_it_said_before() -> None:
-    board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
-    board.receive(board_of("a", name="board-a"), NOW)
+    board = new_board()
     before, after = One(), One()
     for n, (robot, subject) in enumerate([(before, "object/ball"), (before, "object/ball"), (after, "robot/r1")]):
         board.receive(Envelope(robot.member.tokens[0], kind=Kind.ALIVE), NOW)
@@ -188,8 +193,7 @@ def test_what_a_board_tells_of_refusals_is_passed_on() -> None:
 @pytest.mark.parametrize("raises", [False, True])
 def test_it_hears_what_a_real_board_agrees_on_also_where_a_callback_raises(raises: bool) -> None:
     robot = One(raises=raises)
-    board = BoardService(team="t", sub_team="a", board="board-a", grid=GRID, settings=BoardSection())
-    board.receive(board_of("a", name="board-a"), NOW)
+    board = new_board()
     board.receive(Envelope(robot.member.tokens[0], kind=Kind.ALIVE), NOW)
     out = [e for said in robot.member.report("robot/r1", PLACE, NOW) for e in board.receive(said, NOW)]
     for n in range(1, 20):

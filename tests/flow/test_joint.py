@@ -12,6 +12,7 @@ from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Forward
 from robot_agent.service import AgentService
 from robot_agent.team import robot_of
+from tests.flow.streams import lose_some
 from tests.heard import Agreed, Heard
 from tests.scenarios import SCENARIO
 
@@ -69,14 +70,8 @@ def test_what_is_said_twice_counts_once(calm: tuple[str, Agreed]) -> None:
 
 
 def test_lost_messages_stop_nobody() -> None:
-    team, count = InProcessTeam(JOINT), 0
-
-    def lose(envelope: Envelope) -> bool:
-        nonlocal count
-        count += 1
-        return count % 17 == 0 and "/world/" not in envelope.key
-
-    team.bus.lose = lose
+    team = InProcessTeam(JOINT)
+    lose_some(team)
     _, agreed = played(team)
     assert max(tick for tick, _ in agreed["a"]) == team.world.tick
 

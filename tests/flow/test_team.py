@@ -11,6 +11,7 @@ from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.raw import MAX_BYTES
+from tests.flow.streams import lose_some
 from tests.heard import Heard
 from tests.scenarios import SCENARIO
 
@@ -43,14 +44,7 @@ def test_another_seed_is_another_run(calm: str) -> None:
 def test_what_is_lost_is_asked_for_again(calm: str) -> None:
     """Every 17th message disappears; the world repeats its tick until everybody has answered."""
     team = team_of()
-    count = 0
-
-    def lose(envelope: Envelope) -> bool:
-        nonlocal count
-        count += 1
-        return count % 17 == 0 and "/world/" not in envelope.key
-
-    team.bus.lose = lose
+    lose_some(team)
     assert run(team)
     assert team.world.counters["repeated"] > 0
 

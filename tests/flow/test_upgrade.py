@@ -85,6 +85,11 @@ def test_boards_of_the_version_before_are_understood_by_robots_of_today(before: 
     assert any(report.informed is not None for report in newest.values())
 
 
+def nothing_was_refused(team: InProcessTeam) -> None:
+    services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
+    assert {str(dict(service.refused)) for service in services} == {"{}"}
+
+
 def _is_for(expressions: tuple[str, ...], key: str) -> bool:
 
     return any(intersects(expression, key) for expression in expressions)
@@ -113,8 +118,7 @@ def test_fields_that_nobody_knows_change_nothing(scenario: Any) -> None:
 
         team.bus.deliver = grown  # type: ignore[method-assign, assignment]
         team.run()
-        services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
-        assert {str(dict(service.refused)) for service in services} == {"{}"}
+        nothing_was_refused(team)
         beliefs.append({where: consensus.belief for where, consensus in agreed(sent).items()})
     assert beliefs[0] == beliefs[1]
 
@@ -129,8 +133,7 @@ def test_members_may_change_their_coding_one_after_another(scenario: Any) -> Non
         )
         team.bus.spies.append(sent.append)
         team.run()
-        services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
-        assert {str(dict(service.refused)) for service in services} == {"{}"}
+        nothing_was_refused(team)
         said = agreed(sent)
         reports = [decode(Report, e.payload) for e in sent if keys.REPORT.match(e.key) and e.kind is Kind.PUT]
         assert {consensus.belief.coding for consensus in said.values()} == {board}

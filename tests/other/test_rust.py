@@ -12,9 +12,9 @@ from blackboard.net.settings import LinkConfig
 from blackboard.wire.arrays import unpack, unpacked_grid
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Consensus, Report
+from blackboard.wire.messages import Report
 from tests.files import ROOT
-from tests.processes import Letters, command, program, wait_until
+from tests.processes import Letters, command, program, wait_for_consensus, wait_until
 
 pytestmark = [pytest.mark.rust, pytest.mark.timeout(1800)]  # seconds: the first build takes minutes
 
@@ -35,16 +35,7 @@ def test_the_robot_in_rust_is_in_the_consensus_of_a_board_with_robots_of_three_o
         running.enter_context(program(str(examples / "client_robot.py"), "--id", "client", "-e", endpoint))
         rust = running.enter_context(command(robot, "t", "a", "rust", endpoint))
         link = running.enter_context(Link(LinkConfig(connect=(endpoint,)), "watcher", patience=30.0))
-        link.subscribe("cop/t/a/consensus/**")
-        used: dict[str, set[str]] = {}
-
-        def all_of_them() -> bool:
-            for c in (decode(Consensus, e.payload) for e in link.receive(0.1)):
-                used[c.subject] = {opinion.source for opinion in c.used}
-            everybody = {"agent", "wire", "client", "rust"}
-            return used.get("object/ball") == everybody and all(used.get(f"robot/{r}") == {r} for r in everybody)
-
-        wait_until(all_of_them, lambda: f"each is in the consensus; used are {used}; it said {rust.err}")
+        wait_for_consensus(link, {"agent", "wire", "client", "rust"}, lambda: f"it said {rust.err}")
         wait_until(
             lambda: " object/ball 15.500 15.500\n" in rust.out,
             lambda: f"it prints what is agreed: {rust.out} {rust.err}",

@@ -74,7 +74,9 @@ def by_subject(reports: Iterable[Report]) -> dict[str, Report]:
 Pose = tuple[float, float, float]
 
 
-def sight_of(pose: Pose, name: str, place: tuple[float, float], landmark: bool = True) -> Sighting:
+def sight_of(pose: Pose, name: str, place: tuple[float, float], landmark: bool = True, age: float = 0.0) -> Sighting:
+    """What a robot at a pose measures of a place."""
     dx, dy = place[0] - pose[0], place[1] - pose[1]
-    bearing = math.atan2(dy, dx) - pose[2]
-    return Sighting(subject=name, range=math.hypot(dx, dy), bearing=bearing, landmark=place if landmark else None)
+    bearing = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
+    known = place if landmark else None
+    return Sighting(subject=name, range=math.hypot(dx, dy), bearing=bearing, landmark=known, age=age)

@@ -14,6 +14,7 @@ from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator
 from robot_agent.localizer import Localizer, TakesParts
 from robot_agent.sensing import TickMotion
+from tests.robot_agent.robots import sight_of
 
 GRID = Grid((40, 36), 0.1, (-2.0, -1.8), "m")
 STEP = TickMotion(0.13, 0.4, 0.5, 0.002, 0.001, 0.01)
@@ -41,9 +42,7 @@ def at(settings: RobotSection, x: float, y: float, heading: float, sigma: float 
 
 def sighting(x: float, y: float, heading: float, place: tuple[float, float], age: float = 0.0) -> Sighting:
     """What a robot at (x, y, heading) measures of a place."""
-    dx, dy = place[0] - x, place[1] - y
-    bearing = math.remainder(math.atan2(dy, dx) - heading, 2 * math.pi)
-    return Sighting(subject="landmark/1", range=math.hypot(dx, dy), bearing=bearing, age=age)
+    return sight_of((x, y, heading), "landmark/1", place, landmark=False, age=age)
 
 
 @every

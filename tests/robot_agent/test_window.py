@@ -17,6 +17,7 @@ from robot_agent.position import FAINT, SMALL, PositionLocalizer
 from robot_agent.raster import LEAST_SHARE, diffused, reach_of, resampled
 from robot_agent.sensing import TickMotion, place_likelihood
 from robot_agent.window import Window, around, bounds, embedded, whole
+from tests.robot_agent.robots import sight_of
 
 GRID = Grid((90, 80), 1.0, (-5.0, 3.0))
 LOW, HIGH = np.array([-5.0, 3.0]), np.array([85.0, 83.0])
@@ -265,9 +266,7 @@ STEP = TickMotion(1.0, 0.0, 1.0, 0.3, 0.1, 0.0)
 
 
 def sighting_of(true: Array, place: Array, heading: float) -> Sighting:
-    dx, dy = place - true
-    bearing = math.remainder(math.atan2(dy, dx) - heading, 2 * math.pi)
-    return Sighting(subject="landmark/1", range=math.hypot(dx, dy), bearing=bearing)
+    return sight_of((true[0], true[1], heading), "landmark/1", (place[0], place[1]), landmark=False)
 
 
 @pytest.mark.parametrize("vision", ["position", "range-bearing"])

@@ -10,11 +10,9 @@ from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.run.launch import free_port
-from blackboard.wire.codec import decode
-from blackboard.wire.messages import Consensus
 from tests.files import ROOT
 from tests.present import present
-from tests.processes import program, wait_until
+from tests.processes import program, wait_for_consensus, wait_until
 
 GRID = '{"shape": [50, 50], "cell": 1.0, "origin": [0.0, 0.0]}'
 
@@ -30,16 +28,7 @@ def test_a_client_a_wire_robot_and_robot_agent_share_one_board(endpoint: str) ->
         running.enter_context(program(str(examples / "minimal_robot.py"), *member, "--id", "wire", "--grid", GRID))
         client = running.enter_context(program(str(examples / "client_robot.py"), "--id", "client", "-e", endpoint))
         link = running.enter_context(Link(LinkConfig(connect=(endpoint,)), "watcher", patience=30.0))
-        link.subscribe("cop/t/a/consensus/**")
-        used: dict[str, set[str]] = {}
-
-        def all_of_them() -> bool:
-            for c in (decode(Consensus, e.payload) for e in link.receive(0.1)):
-                used[c.subject] = {opinion.source for opinion in c.used}
-            everybody = {"agent", "wire", "client"}
-            return used.get("object/ball") == everybody and all(used.get(f"robot/{r}") == {r} for r in everybody)
-
-        wait_until(all_of_them, lambda: f"each is in the consensus; used are {used}; client: {client.err}")
+        wait_for_consensus(link, {"agent", "wire", "client"}, lambda: f"client: {client.err}")
         wait_until(lambda: "object/ball" in client.out, lambda: f"the client prints what is agreed: {client.out}")
         assert "refused" not in board.err + client.err
 

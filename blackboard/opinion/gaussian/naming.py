@@ -12,8 +12,9 @@ from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, keep, post
 from blackboard.opinion.gaussian.joint import Innovation, Joint
 from blackboard.opinion.gaussian.linearising import linearise_all
 from blackboard.opinion.gaussian.relation import Relative
-from blackboard.opinion.gaussian.tracks import Place, Tracks
+from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.vehicle import Motion
+from blackboard.opinion.gaussian.views import Place
 
 IN_VIEW = 0.5  # that a frame shows a known subject: where it looked is not known
 FAINT = 0.001  # odds below this are not told

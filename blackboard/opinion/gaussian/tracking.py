@@ -14,8 +14,9 @@ from blackboard.opinion.gaussian.joint import squared_distance
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rolling import Rolling
 from blackboard.opinion.gaussian.state import TeamState
-from blackboard.opinion.gaussian.tracks import KEPT, LIKELY, TINY, Place
+from blackboard.opinion.gaussian.tracks import KEPT, LIKELY
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, HEADING, Motion, moved_in, wrap
+from blackboard.opinion.gaussian.views import TINY, Place
 from blackboard.opinion.grid import Array
 
 

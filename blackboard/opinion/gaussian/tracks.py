@@ -8,8 +8,8 @@ frame without it says less than the first: the "Markov chain two" of the first p
 One robot has one vote: what its frames say is added up in nats of its own, and bounded. So a ghost of one liar does not outlast the
 robots that look at its place.
 
-What a frame of clutter is like is found out for each observer and class: how much of what it sees of known tracks, how far it sees,
-and how many of the tracks that it began turned out to be of something.
+What a frame of clutter is like is found out for each observer and class: how much of what it sees of known tracks, how far it sees
+(`views`), and how many of the tracks that it began turned out to be of something.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from dataclasses import dataclass, field, replace
 from statistics import median
 
 from blackboard.opinion.classes import numbered, stem
-from blackboard.opinion.gaussian.assignment import CLASSES, CLEAR, FRAMES, Rate, keep
+from blackboard.opinion.gaussian.assignment import CLASSES, CLEAR, Rate, keep
+from blackboard.opinion.gaussian.views import Place, View
 
 #: Nats: the most that one observer's frames say for a track, as for an object that rolls (`walks`), and against it. Two that look
 #: there and see nothing outweigh one that sees it, and one does not: it may be hidden from that one for good.
@@ -32,25 +33,16 @@ SEEN, HIDDEN = 20.0, 2.0
 VISIBLE = SEEN / (SEEN + HIDDEN)
 LIKELY = 0.5  # of what is likelier so than not
 NAMED = 0.99  # of existence: from there on a track has a name, and fewer than one in a hundred is false
-#: Share of what is there and not hidden that a frame shows, at least and at most. What was mixed up with other things counts as
-#: not shown; a detector that is taken for a bad one for that would mix them up for ever.
-SELDOM, DETECTED = 0.5, 0.99
 RAREST, OFTENEST = 0.01, 0.5  # of the tracks that an observer begins, those that are of something, at least and at most
 GIVEN_UP = -3.0  # nats of all frames, from which on a track without a name is dropped
 #: A track is not published while the sigma of its place is larger than this share of the distance at which such things are seen.
 LOST = 1 / 6
 AGAIN = 2  # clear sightings from which on a track that was lost is told of again: one may be of nothing
 FLEETING, KEPT = 2.0, 60.0  # seconds without a sighting, after which a track without a name, and one with, is dropped
-NARROWEST = 0.25  # rad to each side: no camera of a robot sees less
-UNKNOWN = Rate(1.0, 2.0)  # of what is there a frame shows a half, before anything was seen
 ROOM = 16  # tracks that one observer alone has seen
 NOWHERE = math.inf, 0.0, 0.0  # a place that no frame shows, so that none speaks against a track there
 MAX_TRACKS = 64  # that several have seen, or one
 FAINTEST = 0.01  # of a track that is in view: below that a frame says nothing of it
-BEYOND = 20  # one sighting in so many lies beyond the edge of a view, because bearings and ranges are noisy
-SIGHTINGS = 1000  # that the edge of a view rests on; then all of them count half, so that a view may change
-TINY = 1e-9  # unit, and rad: more than no sigma at all
-Place = tuple[float, float, float]  # relative to an observer: distance (unit), bearing (rad), sigma of the place (unit)
 
 
 @dataclass(frozen=True)
@@ -106,71 +98,6 @@ class Track:
     def observers(self) -> set[str]:
         """Who has seen it."""
         return {observer for observer, vote in self.votes.items() if vote.seen}
-
-
-@dataclass(frozen=True)
-class Edge:
-    """How far (unit or rad) a view reaches: the 95 % quantile of noisy sightings, because one in `BEYOND` lies beyond the edge."""
-
-    beyond: tuple[float, ...] = ()  # the largest distances or bearings, sorted: the edge, and what lies beyond it
-    sightings: int = 0
-
-    @property
-    def at(self) -> float:
-        """Where it is; 0 while nothing was seen."""
-        return self.beyond[0] if self.beyond else 0.0
-
-    def plus(self, value: float) -> Edge:
-        """After one more sighting, that far away."""
-        if self.sightings >= SIGHTINGS:
-            return Edge(self.beyond[::2], self.sightings // 2).plus(value)
-        room = 1 + self.sightings // BEYOND
-        return Edge(tuple(sorted((*self.beyond, value))[-room:]), self.sightings + 1)
-
-
-@dataclass(frozen=True)
-class View:
-    """How far (unit), and how far to the side (rad), an observer sees things of a class; and which share of those there are."""
-
-    reach: Edge = field(default_factory=Edge)
-    side: Edge = field(default_factory=Edge)
-    detected: Rate = UNKNOWN
-
-    @property
-    def farthest(self) -> float:
-        """How far it reaches (unit)."""
-        return self.reach.at
-
-    @property
-    def widest(self) -> float:
-        """How far it reaches to each side (rad)."""
-        return self.side.at
-
-    @property
-    def area(self) -> float:
-        """How large it is (unit^2), and larger while little was seen."""
-        known = max(NARROWEST, self.widest) * self.farthest**2
-        return known * (1.0 + FRAMES / self.reach.sightings) if known else math.inf
-
-    @property
-    def detects(self) -> float:
-        """The share of what is there and visible that a frame shows."""
-        return min(DETECTED, max(SELDOM, self.detected.rate))
-
-    def holds(self, place: Place) -> bool:
-        """Whether it would show a thing there, all that is unsure of its place considered."""
-        distance, bearing, sigma = place
-        return distance + sigma < self.farthest and abs(bearing) + sigma / max(distance, sigma) < self.widest
-
-    def share(self, place: Place) -> float:
-        """How likely a thing there is in it: as if distance and bearing were independent, and normal."""
-        distance, bearing, sigma = place
-        if not self.farthest:
-            return 0.0
-        within = _normal((self.farthest - distance) / max(sigma, TINY))
-        off = sigma / max(distance, sigma, TINY)
-        aside = _normal((self.widest - bearing) / max(off, TINY)) - _normal((-self.widest - bearing) / max(off, TINY))
-        return within * aside
 
 
 @dataclass
@@ -390,11 +317,6 @@ class Tracks:
         for block, track in self._tracks.items():
             votes = {observer: vote for observer, vote in track.votes.items() if observer not in observers}
             self._tracks[block] = replace(track, votes=votes)
-
-
-def _normal(sigmas: float) -> float:
-    """The share of a normal distribution that is below so many sigmas."""
-    return 0.5 * math.erfc(-sigmas / math.sqrt(2.0))
 
 
 def _unseen(probability: float, detects: float) -> float:
