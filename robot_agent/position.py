@@ -225,7 +225,7 @@ class PositionLocalizer:
         return replace(self, p=self.p[inner.slices], corner=(self.corner[0] + inner.x0, self.corner[1] + inner.y0))
 
     def _over(self, window: Window) -> PositionLocalizer:
-        """On a window that holds this one."""
+        """The same belief on a larger window."""
         if window == self.window:
             return self
         return replace(self, p=embedded(self.p, self.window, window, FILL), corner=(window.x0, window.y0))
@@ -242,7 +242,7 @@ class PositionLocalizer:
         return replace(self, p=p, corner=(corner[0], corner[1]))
 
     def _spread(self) -> PositionLocalizer:
-        """With the pending motion noise in `p`."""
+        """The same belief with the pending motion noise blurred into `p`."""
         xx, yy, xy = (v / self.grid.cell**2 for v in self.pending_covariance)
         reach, (nx, ny) = reach_of(max(xx, yy)), self.grid.shape
         window = self.window.grown(reach, self.grid.shape)

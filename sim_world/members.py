@@ -58,7 +58,7 @@ class Members:
 
     @property
     def given_up(self) -> set[str]:
-        """Who is no longer waited for."""
+        """The processes that are no longer waited for."""
         return self._in_vain.names
 
     def hear_answer(self, sub_team: str, message: Solo | Consensus | Status, *, in_time: bool) -> None:

@@ -188,7 +188,7 @@ class World:
         return Walker(x, y, heading, waypoint, speed, rng)
 
     def _radius(self, speed: float) -> float:
-        """Of the tightest turn."""
+        """The radius of the tightest turn at a speed (unit)."""
         return speed / self.settings.turn_rate
 
     def _random_place(self, rng: np.random.Generator, speed: float) -> Place:

@@ -108,7 +108,6 @@ class CertifiedTeam:
     revoked: tuple[str, ...] = field(default=())  # common names, never issued again
 
     def find(self, kind: MemberKind, name: str) -> CertificateHolder | None:
-        """The member of this kind and name, or None."""
         return next((m for m in self.members if (m.kind, m.name) == (kind, name)), None)
 
     def named(self, name: str) -> CertificateHolder:

@@ -46,7 +46,7 @@ Moments = tuple[Array, Array]  # mean (ndim,) and covariance (ndim, ndim)
 
 @dataclass
 class Standing:
-    """What the seconds say of a source."""
+    """How far a source has disagreed with the others, judged once a second."""
 
     verdicts: Verdicts = field(default_factory=Verdicts)  # one of each second, with the distance from the others
     taken: float = 1.0  # share of its newest evidence that a joint took; 1 where there is none

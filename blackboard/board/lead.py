@@ -227,7 +227,6 @@ class Lead:
 
 
 def text() -> str:
-    """The table as text."""
     return transitions.text(("role", "fact", "then"), BoardRole, Fact)
 
 

@@ -122,7 +122,7 @@ class Publisher:
         return sent
 
     def repeat(self, now: float) -> list[Envelope]:
-        """What was published in this tick, again."""
+        """Publish again what was published in this tick."""
         return list(self._sent) if self.lead.leads else [self._followed(said, now) for said in self._said]
 
     def look(self, now: float) -> list[Envelope]:

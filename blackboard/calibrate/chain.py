@@ -46,7 +46,6 @@ class NormalEquations:
         )
 
     def add(self, factors: Factors) -> None:
-        """Add measurements."""
         weighted = factors.residual * factors.weight
         three = np.arange(3)
         for tick, robot, by in factors.poses:

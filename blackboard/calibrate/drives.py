@@ -32,7 +32,6 @@ class SightingRows:
     share: Array  # (M,): how long before the end of the tick it was seen, as a share of the tick, 0 to 1
 
     def where(self, chosen: Array) -> SightingRows:
-        """Some of them."""
         return SightingRows(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 

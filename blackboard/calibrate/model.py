@@ -53,7 +53,7 @@ class Noise:
         return replace(self, floor=self.floor * factor, share=self.share * factor, bearing=self.bearing * factor)
 
     def range_variance(self, robot: Array, distance: Array) -> Array:
-        """Of ranges, unit ** 2."""
+        """Variances of measured ranges, unit^2."""
         return np.asarray(self.floor[robot] ** 2 + (self.share[robot] * distance) ** 2)
 
 

@@ -105,7 +105,6 @@ def _lasting(*numbers: Number) -> float:
 
 
 def text(report: Mapping[str, Any], unit: str) -> str:
-    """A report as text."""
     robots = report["robots"]
     rows = [["", *robots, ""]]
     for name, of in {**{name: of for name, (of, _) in NUMBERS.items()}, **NOISE}.items():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Gauge:
-    """Of one process at one time."""
+    """What one process used at one time."""
 
     at: float  # seconds, of the observer
     name: str

@@ -144,5 +144,4 @@ def _kind(name: str) -> str:
 
 
 def text(lines: Sequence[Finding]) -> str:
-    """The lines as a table."""
     return "\n".join(columns([("yes" if line.holds else "NO", line.what, line.found) for line in lines]))

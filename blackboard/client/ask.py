@@ -66,7 +66,6 @@ def ask(
 
 
 def _of(team: str | None, sub_teams: Sequence[str]) -> str:
-    """The team and sub-team that were named."""
     named = [f"{team or '*'}/{sub_team}" for sub_team in sub_teams] or ([team] if team else [])
     return f"of {', '.join(named)} " if named else ""
 

@@ -190,7 +190,6 @@ def _run(clock: TeamClock) -> str:
 
 
 def _newest(out: list[Envelope]) -> list[Envelope]:
-    """Of each key the newest envelope."""
     newest: dict[str, Envelope] = {}
     for envelope in out:
         newest.pop(envelope.key, None)

@@ -31,7 +31,6 @@ class Distances:
         return self._n
 
     def add(self, distance: float) -> None:
-        """Take in one."""
         self._extend(np.array([distance]))
 
     def add_all(self, other: "Distances") -> None:

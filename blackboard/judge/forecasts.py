@@ -25,7 +25,7 @@ class Forecasts:
 
     @staticmethod
     def merged(parts: "Iterable[Forecasts]") -> "Forecasts":
-        """All of several, as new ones."""
+        """The forecasts of several together, as a new one."""
         whole = Forecasts()
         for part in parts:
             whole._counts += part._counts

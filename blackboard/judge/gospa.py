@@ -23,28 +23,27 @@ class Gospa:
     localisation: float  # unit^p, of the pairs
     missed: float  # unit^p: c^p / 2 for each thing without a track
     false: float  # unit^p: c^p / 2 for each track without a thing
-    power: float = POWER
 
     @property
     def distance(self) -> float:
         """The metric itself, in the unit of the places."""
-        return float((self.localisation + self.missed + self.false) ** (1.0 / self.power))
+        return float((self.localisation + self.missed + self.false) ** (1.0 / POWER))
 
 
-def gospa(things: Array, tracks: Array, cut: float, power: float = POWER) -> Gospa:
+def gospa(things: Array, tracks: Array, cut: float) -> Gospa:
     """Compare places, arrays of shape (n, 2) and (m, 2), with the cut-off distance c = `cut`, all in one unit.
 
-    ValueError: `cut` is not positive, or `power` is below 1.
+    ValueError: `cut` is not positive.
     """
-    if not cut > 0 or power < 1:
-        raise ValueError(f"cut {cut:g} and power {power:g}: give a positive cut, and a power of at least 1")
+    if not cut > 0:
+        raise ValueError(f"cut {cut:g}: give a positive one")
     distances = np.hypot(*np.moveaxis(things[:, None, :] - tracks[None, :, :], -1, 0))
     # A pair at the cut costs what the two cost that are left over, so all are assigned and the far ones let go.
-    costs = np.minimum(distances, cut) ** power
+    costs = np.minimum(distances, cut) ** POWER
     pairs = tuple((i, j) for i, j in assignment(costs) if distances[i, j] < cut)
-    each = cut**power / 2
+    each = cut**POWER / 2
     near = math.fsum(float(costs[pair]) for pair in pairs)
-    return Gospa(pairs, near, each * (len(things) - len(pairs)), each * (len(tracks) - len(pairs)), power)
+    return Gospa(pairs, near, each * (len(things) - len(pairs)), each * (len(tracks) - len(pairs)))
 
 
 def assignment(costs: Array) -> list[tuple[int, int]]:

@@ -56,7 +56,6 @@ def _name(sample: Sample) -> Name:
 
 
 def text(table: Table, unit: str) -> str:
-    """The table in lines."""
     lines = [f"`what if` less `unchanged`, on the same samples (95 % intervals from {BLOCKS} blocks of time):"]
     for group, levels in table.items():
         for level, difference in levels.items():

@@ -234,7 +234,6 @@ class Referee:
         return honesty
 
     def _subjects(self, group: str, among: Iterable[str]) -> list[str]:
-        """Which of some subjects are of a group, sorted."""
         mine = [subject for subject in among if subject.startswith(GROUPS.get(group, "robot/"))]
         if group == "objects":
             return sorted(mine)

@@ -40,7 +40,6 @@ class Case:
         return round(self.time, 3), self.subject
 
     def of(self, sources: Collection[str]) -> Case:
-        """The case with the opinions of some sources only."""
         kept = [i for i, source in enumerate(self.sources) if source in sources]
         return replace(self, sources=tuple(self.sources[i] for i in kept), opinions=self.opinions[kept])
 

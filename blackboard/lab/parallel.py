@@ -150,7 +150,6 @@ def judge_team(
 
 
 def try_settings(rules: Sequence[str], scenario: Scenario, number: int, every: float) -> dict[str, CandidateScores]:
-    """Try every candidate setting of some rules on a variant of a scenario."""
     run = _cases(scenario, number, every)
     return {rule: try_all(rule, [run]) for rule in rules}
 

@@ -201,7 +201,6 @@ NAMES = (*STREAMS, *OTHERS, *UNSEEN, *(f"trial {name}" for name in TRIALS))
 
 
 def instants(name: str, fusions: int, rng: np.random.Generator) -> Iterator[StreamInstant]:
-    """The instants of one of NAMES."""
     if name.startswith("trial "):
         return trial_stream(name.removeprefix("trial "), fusions, rng)
     return generate({**STREAMS, **OTHERS, **UNSEEN}[name], fusions, rng)

@@ -145,7 +145,6 @@ def text(report: Mapping[str, Any]) -> str:
 
 
 def _of_tracks(combinations: Sequence[Mapping[str, Any]], kind: str) -> list[str]:
-    """The table of the tracks of a kind."""
     names = ("gospa", "switches", "false_tracks", "brier")
     rows: list[tuple[str, ...]] = [(f"tracks of {kind}", "GOSPA", "switches", "false tracks", "Brier of existence")]
     rows += [(one["label"], *(shown(one["tracks"][kind][name]) for name in names)) for one in combinations]

@@ -66,7 +66,6 @@ def tuned(
 
 
 def text(table: Mapping[str, Any]) -> str:
-    """The report as text."""
     asked, lines = table["asked"], []
     for name, choice in table["choices"].items():
         intervals = ", ".join(f"{p} {shown(e, 2, without=NONE)}" for p, e in choice["parameters"].items())

@@ -21,7 +21,7 @@ class Outlet(Protocol):
         """The liveliness token of the publisher."""
 
     def attach(self) -> bytes:
-        """What is attached to the next message."""
+        """The bytes that go with the next message."""
 
 
 class AttachedLink(Link):
@@ -74,15 +74,12 @@ class TwoRouters:
         )
 
     def subscribe(self, key_expr: str) -> None:
-        """As `Link.subscribe`."""
         self._of(key_expr).subscribe(key_expr)
 
     def watch(self, key_expr: str) -> None:
-        """As `Link.watch`."""
         self._of(key_expr).watch(key_expr)
 
     def token(self, key: str) -> None:
-        """As `Link.token`."""
         self._of(key).token(key)
 
     def receive(self, timeout: float) -> list[Envelope]:
@@ -90,7 +87,6 @@ class TwoRouters:
         return self._others.receive(0.0) + self._team.receive(timeout)
 
     def send(self, envelope: Envelope) -> None:
-        """As `Link.send`."""
         self._of(envelope.key).send(envelope)
 
     def _of(self, key: str) -> Link:

@@ -57,7 +57,6 @@ class Bus:
         self._receivers: dict[str, list[BusLink]] = {}  # of a key, as long as no link comes, goes or subscribes
 
     def connect(self) -> BusLink:
-        """A new link on this bus."""
         self.links.append(BusLink(self))
         self.forget_receivers()
         return self.links[-1]

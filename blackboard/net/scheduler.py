@@ -73,7 +73,7 @@ class Scheduler:
 
     @property
     def services(self) -> tuple[Service, ...]:
-        """Those that have joined, the first first."""
+        """The services that have joined, in that order."""
         return tuple(self._processes)
 
     def join(self, service: Service, ahead: float = 0.0) -> None:

@@ -56,12 +56,12 @@ class Verdicts:
 
     @property
     def against(self) -> bool:
-        """Whether most of them are."""
+        """Whether most verdicts are against the source."""
         return self.share > 0.5
 
     @property
     def firm(self) -> bool:
-        """Whether they are enough to count."""
+        """Whether there are enough verdicts to act on."""
         return self.number >= FIRM
 
 

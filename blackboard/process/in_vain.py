@@ -10,7 +10,7 @@ MAX_NAMES = 1024  # that are remembered, the newest
 
 
 class Debt(NamedTuple):
-    """What a process owes."""
+    """For how long a process that was waited for in vain is not waited for."""
 
     times: int  # how often it was waited for in vain
     left: int  # ticks that it must answer until it is waited for again; 0: it is
@@ -25,7 +25,7 @@ class InVain:
 
     @property
     def names(self) -> set[str]:
-        """Who is not waited for."""
+        """The processes that are not waited for."""
         return {name for name, debt in self._debts.items() if debt.left}
 
     def __contains__(self, name: str) -> bool:
@@ -40,7 +40,6 @@ class InVain:
         return left
 
     def answered(self, name: str, tick: int) -> None:
-        """A process has answered a tick."""
         if name in self and tick > (debt := self._debts[name]).newest:
             self._debts[name] = Debt(debt.times, debt.left - 1, tick)
 

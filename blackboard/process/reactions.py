@@ -39,7 +39,6 @@ REACTIONS: Mapping[tuple[News, Place], tuple[Cue, ...]] = {
 
 
 def text() -> str:
-    """The table as text."""
     rows = [
         (news.value, place.value, ", ".join(cue.value for cue in cues) or "-")
         for (news, place), cues in REACTIONS.items()

@@ -114,7 +114,6 @@ class Rounds:
 
 
 def text() -> str:
-    """The tables as text."""
     rows = [
         (name, pace.value, phase, row.until or "-", row.at_most, row.when, row.then)
         for name, table in TABLES.items()

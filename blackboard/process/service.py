@@ -6,7 +6,7 @@ from blackboard.wire.envelope import Envelope
 
 
 class Subscriber(Protocol):
-    """What a service is connected by."""
+    """The part of a link by which a service is connected."""
 
     def subscribe(self, key_expr: str) -> None: ...
 

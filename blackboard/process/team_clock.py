@@ -33,7 +33,7 @@ PARTS = 4  # ticks of a period where there is no world; most of them are left ou
 
 
 class Pace(Enum):
-    """By what a process goes."""
+    """Whose time a process goes by."""
 
     FREE = "free"  # no world: ticks and stamps are Unix time
     WAITING = "waiting"  # a world is there without a Clock, or a Clock without a world
@@ -45,7 +45,7 @@ PACES: dict[str, Pace] = {pace.value: pace for pace in Pace}
 
 
 class State(Enum):
-    """What a process has of a world."""
+    """What a process has heard of a world."""
 
     FREE = "free"  # nothing that is waited for
     CLOCK = "clock only"  # a Clock without a token, which is waited for
@@ -272,7 +272,6 @@ def _goes_on(before: Clock, clock: Clock) -> bool:
 
 
 def text() -> str:
-    """The table as text."""
     return transitions.text(("state", "event", "then", "news"), State, ClockEvent)
 
 

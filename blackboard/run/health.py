@@ -64,7 +64,7 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
 
 
 def _there(link: Querier, kind: ProcessKind, team: str) -> str:
-    """Who of this kind answers instead."""
+    """The processes of this kind that answer, for a message about one that does not."""
     said = link.get(keys.STATUS.key(team=team, sub_team="*", process="*"))
     names = sorted({parts["process"] for answer in said if (parts := _status_of(answer, kind)) is not None})
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""

@@ -117,7 +117,6 @@ def _flags(config: LinkConfig) -> tuple[str, ...]:
 
 
 def free_port() -> int:
-    """A free port of 127.0.0.1."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
@@ -247,7 +246,6 @@ class Observer:
                 self.hear_envelope(envelope)
 
     def hear_envelope(self, envelope: Envelope) -> None:
-        """Take in one envelope."""
         self._fold.hear_envelope(envelope, self._clock.now())
         team = self._team
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
@@ -263,7 +261,6 @@ class Observer:
         return self._fold.teams.get(self._name) or TeamFold(self._name)
 
     def missing(self, tokens: frozenset[str]) -> frozenset[str]:
-        """Which of some tokens are not alive."""
         return tokens.difference(*(process.tokens for process in self._team.processes.values()))
 
     async def until_alive(self, tokens: frozenset[str]) -> None:

@@ -46,7 +46,6 @@ def page(sections: Mapping[str, type[BaseModel]], kinds: Mapping[str, type[BaseM
 
 
 def section(name: str, model: type[BaseModel]) -> str:
-    """One section with the tables in it."""
     return "\n".join(_tables(name, model))
 
 
@@ -151,7 +150,6 @@ def _value(value: object) -> str:
 
 
 def _toml(value: object) -> str:
-    """A value as in TOML."""
     if isinstance(value, Mapping):
         inner = ", ".join(f"{key} = {_toml(item)}" for key, item in value.items())
         return f"{{ {inner} }}" if inner else "{}"

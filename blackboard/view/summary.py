@@ -185,7 +185,6 @@ def alarm_lines(team: Table, width: int | None = None) -> list[str]:
 
 
 def team_line(team: Table) -> str:
-    """A team in one line."""
     tick = (
         "nothing settled yet"
         if team["tick"] is None

@@ -71,7 +71,6 @@ def explain(team: TeamFold, moment: Moment, subject: str, drift: float = 1.0) ->
 
 
 def _feedback(team: TeamFold, board: str) -> str:
-    """The `[board] feedback` of a board, by its status."""
     process = team.processes.get(("board", board))
     status = None if process is None else process.status
     return "guarded" if status is None else str(status.settings.get("feedback", "guarded"))

@@ -180,7 +180,6 @@ def written_by(token: str) -> tuple[str, ...]:
 
 
 def table() -> str:
-    """The table as Markdown."""
     rows = ["| key | message | who writes | named by | who reads | how often | priority | what |"]
     rows.append("|---" * 8 + "|")
     for t in TOPICS:

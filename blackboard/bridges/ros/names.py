@@ -49,7 +49,6 @@ def part(name: str) -> str:
 
 
 def key(domain: int, topic: str, type_name: str) -> str:
-    """The key of a topic."""
     return f"{domain}/{topic.strip('/')}/{_mangled(type_name)}/{_hash(type_name)}"
 
 

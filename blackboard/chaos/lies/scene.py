@@ -33,7 +33,6 @@ class Scene:
 
     @property
     def own(self) -> str:
-        """Its subject."""
         return f"robot/{self.robot}"
 
     def targets(self, whom: Whom) -> dict[str, Array]:
@@ -61,7 +60,7 @@ class Scene:
         return unpack(consensus.belief, self.grid)
 
     def evidence_in(self, reports: Reports) -> PackedEvidence | None:
-        """Its evidence for a joint."""
+        """The evidence for a joint among its reports; None without."""
         own = reports.get(self.own)
         return None if own is None else own.evidence
 

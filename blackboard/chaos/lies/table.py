@@ -100,7 +100,6 @@ def text(table: Mapping[str, Any]) -> str:
 
 
 def mean(rows: Sequence[Row], column: str) -> float | None:
-    """The mean of a column, of the rows that have it."""
     values = [row[column] for row in rows if row[column] is not None]
     return float(np.mean(values)) if values else None
 

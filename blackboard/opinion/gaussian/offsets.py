@@ -45,7 +45,7 @@ class OffsetScore:
         return OffsetScore(self.gradient + sign * other.gradient, self.covariance + sign * other.covariance)
 
     def faded(self, keep: float) -> OffsetScore:
-        """With so much of it left."""
+        """The score once only the share `keep` of it counts."""
         return OffsetScore(self.gradient * keep, self.covariance * keep**2, self.share * keep)
 
     def is_far(self) -> bool:
@@ -85,7 +85,7 @@ class MateScores:
         return MateScores(others, self.gradient[rest] - self.gradient[at] @ by, covariance)
 
     def faded(self, keep: float) -> MateScores:
-        """With so much of them left."""
+        """The scores once only the share `keep` of them counts."""
         return MateScores(self.subjects, self.gradient * keep, self.covariance * keep**2)
 
     def is_far(self) -> bool:

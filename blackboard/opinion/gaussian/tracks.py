@@ -295,7 +295,6 @@ class Tracks:
         return track.unseen > KEPT or track.existence < 1.0 - CLEAR
 
     def is_over(self, name: str) -> bool:
-        """Whether a track of this name is over here."""
         return name in self._over
 
     def drop(self, block: str) -> None:

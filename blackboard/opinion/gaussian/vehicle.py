@@ -83,7 +83,7 @@ class Motion:
         return math.hypot(self.distance, self.aside)
 
     def numbers(self) -> tuple[float, ...]:
-        """All of them, in this order."""
+        """All fields, in their order."""
         return tuple(vars(self).values())
 
     def plus(self, later: Motion) -> Motion:
