@@ -36,6 +36,14 @@ class Course:
         return 0 if not bad else None if bad[-1] == len(self.errors) - BEGAN - 1 else bad[-1] + 1
 
 
+def readings(tick: int, way: float, turn: float, sightings: list[Sighting]) -> Readings:
+    """What r1 measures in a tick of a second; in the first one it is told that it starts at the origin."""
+    told: dict[str, Any] = {"odometry": Odometry(distance=way, turn=turn, dt=1.0)}
+    if not tick:
+        told = {"fix": Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)}
+    return Readings(run="a", robot="r1", tick=tick, time=float(tick), sightings=sightings, **told)
+
+
 def course(
     seed: int, stuck: int = 0, push: tuple[float, float] = (0.0, 0.0), turn: float = 0.0, misreads: bool = False
 ) -> Course:
@@ -51,18 +59,8 @@ def course(
         if tick == BEGAN:
             x, y, heading = x + push[0], y + push[1], heading + turn
         visible = [(n, place) for n, place in enumerate(LANDMARKS) if tick and tick % 3 == n % 3]
-        start = Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)
-        own.step(
-            Readings(
-                run="a",
-                robot="r1",
-                tick=tick,
-                time=float(tick),
-                odometry=Odometry(distance=way, turn=angle, dt=1.0) if tick else None,
-                fix=None if tick else start,
-                sightings=[_sighting(n, place, x, y, heading, rng, misreads) for n, place in visible],
-            )
-        )
+        seen = [_sighting(n, place, x, y, heading, rng, misreads) for n, place in visible]
+        own.step(readings(tick, way, angle, seen))
         belief, named = own.belief, own.found()
         error = math.nan if belief is None else math.dist(belief.mean[:2], (x, y))
         course.errors.append(error)

@@ -9,19 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.vehicle import (
-    FORWARD,
-    STATES,
-    TURN,
-    Motion,
-    Nuisance,
-)
-from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from blackboard.opinion.gaussian.vehicle import FORWARD, STATES, TURN, Motion, Nuisance
+from blackboard.wire.messages import Sighting
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, CameraNoise, NoiseFactor, NoiseFactors, WheelNoise
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of
-from tests.robot_agent.mishaps import DRIVES, LANDMARKS
+from tests.robot_agent.mishaps import DRIVES, LANDMARKS, readings
 
 SPAN = max(SPANS)
 ALONG = 0.03  # unit / sqrt(s), as the physics say
@@ -214,19 +208,7 @@ def simulated(
                 sightings.append(
                     Sighting(subject=f"landmark/{number}", range=max(0.0, measured), bearing=angle, landmark=place)
                 )
-        own.step(
-            Readings(
-                run="a",
-                robot="r1",
-                tick=tick,
-                time=float(tick),
-                odometry=Odometry(distance=command[0], turn=command[1] + truth.jitter * rng.normal(), dt=1.0)
-                if tick
-                else None,
-                fix=None if tick else Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03),
-                sightings=sightings,
-            )
-        )
+        own.step(readings(tick, command[0], command[1] + (truth.jitter * rng.normal() if tick else 0.0), sightings))
         before = command
         assert own.belief is not None
         apart = np.array([x, y]) - own.belief.mean[:2]
@@ -304,6 +286,5 @@ def test_a_model_that_was_measured_is_not_taken_for_less() -> None:
 def test_a_robot_whose_model_leaves_nothing_open_tells_nothing() -> None:
     own = FirstHand("robot/r1", Sensors(wheels=Wheels(Nuisance())))
     assert own.found() == {}
-    fix = Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)
-    own.step(Readings(run="a", robot="r1", tick=0, time=0.0, fix=fix))
+    own.step(readings(0, 0.0, 0.0, []))
     assert own.found() == {}
