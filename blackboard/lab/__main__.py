@@ -73,11 +73,12 @@ def lab(
     seed = SEED if length.seed is None else length.seed
     _at_least(runs=(runs, 0), variants=(variants, 1), every=(every, 0), seed=(seed, 0), streams=(streams, 0))
     if streams:
-        return _streams(streams, np.random.default_rng(seed), output)
+        return _study(streams_of_fusions, streams_of_fusions.jobs(streams, np.random.default_rng(seed)), output)
     trials_rng, intervals_rng = np.random.default_rng(seed).spawn(2)
     teams = _teams(scenario, length, recording)
     if lost:
-        return _lost(teams or [load("demo").changed("time", seconds=length.seconds)], variants, output)
+        teams = teams or [load("demo").changed("time", seconds=length.seconds)]
+        return _study(lost_robots, lost_robots.jobs(teams, variants), output)
     if (ideal or agreed) and not teams:
         raise UserError("--ideal and --agreed are about a team: name a scenario or a recording too")
     jobs = parallel.trial_jobs(runs, trials_rng) if runs else []
@@ -299,23 +300,11 @@ def sweep(
     return 0
 
 
-def _lost(teams: Sequence[Scenario], variants: int, output: OutputFlags) -> int:
+def _study(study: ModuleType, jobs: Sequence[tuple[Any, ...]], output: OutputFlags) -> int:
+    """Judge the jobs of `lost` or `streams`, each under the name that comes first in it."""
     with progress("lab") as show_progress:
-        jobs = lost_robots.jobs(teams, variants)
-        parts = parallel.run_jobs(lost_robots.judge, jobs, show_progress)
-    output.show(lost_robots.report([str(job[0]) for job in jobs], parts), lost_robots.text)
-    return 0
-
-
-def _streams(runs: int, rng: np.random.Generator, output: OutputFlags) -> int:
-    with progress("lab") as show_progress:
-        jobs = streams_of_fusions.jobs(runs, rng)
-        parts = parallel.run_jobs(streams_of_fusions.judge, jobs, show_progress)
-    scores = {
-        name: [part for job, part in zip(jobs, parts, strict=True) if job[0] == name]
-        for name in streams_of_fusions.NAMES
-    }
-    output.show(streams_of_fusions.report(scores), streams_of_fusions.text)
+        parts = parallel.run_jobs(study.judge, jobs, show_progress)
+    output.show(study.report([str(job[0]) for job in jobs], parts), study.text)
     return 0
 
 

@@ -233,10 +233,14 @@ def jobs(runs: int, rng: np.random.Generator) -> list[tuple[str, int, np.random.
     return [(name, FUSIONS, own[i * runs + run]) for i, name in enumerate(NAMES) for run in range(runs)]
 
 
-def report(scores: Mapping[str, Sequence[dict[str, Score]]]) -> dict[str, Any]:
-    """Stream -> rule -> log score in nats, coverage, and its gap to the oracle in nats; and the mean gap of each rule."""
+def report(names: Sequence[str], parts: Sequence[dict[str, Score]]) -> dict[str, Any]:
+    """Stream -> rule -> log score in nats, coverage, and its gap to the oracle in nats; and the mean gap of each rule.
+
+    `names` has the stream of each part.
+    """
     table: dict[str, Any] = {}
-    for name, runs in scores.items():
+    for name in dict.fromkeys(names):
+        runs = [part for other, part in zip(names, parts, strict=True) if other == name]
         rows = {}
         for rule in runs[0]:
             merged = reduce(Score.merge, (run[rule] for run in runs))

@@ -9,14 +9,14 @@ from blackboard.lab.streams import LEARNED, ORACLE, STREAMS, generate, judge, re
 
 def test_one_liar_is_found_out_on_a_short_stream() -> None:
     scores = judge("one liar of 5", 30, np.random.default_rng(5))
-    rules = report({"one liar of 5": [scores]})["streams"]["one liar of 5"]["rules"]
+    rules = report(["one liar of 5"], [scores])["streams"]["one liar of 5"]["rules"]
     assert rules[LEARNED]["log_score"] > rules["independence 0.2"]["log_score"] + 0.1
     assert rules[ORACLE]["gap"] == 0.0
-    assert report({"one liar of 5": [scores]})["mean_gap"][LEARNED] == pytest.approx(rules[LEARNED]["gap"])
+    assert report(["one liar of 5"], [scores])["mean_gap"][LEARNED] == pytest.approx(rules[LEARNED]["gap"])
 
 
 def test_a_trial_has_no_oracle() -> None:
-    result = report({"trial echoes": [judge("trial echoes", 4, np.random.default_rng(5))]})
+    result = report(["trial echoes"], [judge("trial echoes", 4, np.random.default_rng(5))])
     assert ORACLE not in result["streams"]["trial echoes"]["rules"]
     assert result["mean_gap"] == {}
     assert "trial echoes" in text(result)
