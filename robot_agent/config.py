@@ -223,9 +223,5 @@ def _own_tables(scenario: Scenario) -> dict[str, dict[str, Any]]:
 
 def _over(table: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     """A table with values of another in place of its own, table by table."""
-    both = {key: _over(table[key], value) for key, value in own.items() if _are_tables(table.get(key), value)}
-    return {**table, **own, **both}
-
-
-def _are_tables(*values: object) -> bool:
-    return all(isinstance(value, dict) for value in values)
+    tables = {key: value for key, value in own.items() if isinstance(value, dict) and isinstance(table.get(key), dict)}
+    return {**table, **own, **{key: _over(table[key], value) for key, value in tables.items()}}

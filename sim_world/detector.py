@@ -98,16 +98,14 @@ class Detected(Changed):
         if not self.settings.clutter:
             return []
         noise = self._noise(f"{robot} clutter")
-        classes = sorted({f"{kind}/?" for kind in self.settings.anonymous if kind != "object"} | self._classes(truth))
+        classes = {f"{kind}/?" for kind in self.settings.anonymous if kind != "object"}
+        there = sorted(classes | {class_of(subject) for subject in truth.positions if self._is_unnamed(subject)})
         clutter = []
-        for _ in range(int(noise.poisson(self.settings.clutter)) if classes else 0):
+        for _ in range(int(noise.poisson(self.settings.clutter)) if there else 0):
             distance = math.sqrt(noise.uniform(NEAR**2, FAR**2))
             bearing = noise.uniform(-self.vision.half_angle, self.vision.half_angle)
-            clutter.append(Sighting(subject=str(noise.choice(classes)), range=distance, bearing=bearing))
+            clutter.append(Sighting(subject=str(noise.choice(there)), range=distance, bearing=bearing))
         return clutter
-
-    def _classes(self, truth: Truth) -> set[str]:
-        return {class_of(subject) for subject in truth.positions if self._is_unnamed(subject)}
 
 
 def _without_name(sighting: S) -> S:

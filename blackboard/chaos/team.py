@@ -28,7 +28,7 @@ READY = 60.0  # seconds for all to show their tokens, and for the first belief
 LOOK = 0.1  # seconds between two looks
 SITES = "sites"  # the lane between two routers
 #: Of the world's session with both routers, a peer's, because a client has one router only; it connects again by itself.
-BOTH = ("connect/exit_on_failure:false", "connect/timeout_ms:-1")
+BOTH = ("--cfg", "connect/exit_on_failure:false", "--cfg", "connect/timeout_ms:-1")
 
 
 @dataclass
@@ -117,7 +117,7 @@ async def storm_team(
             far = frozenset((*scenario.team.sub_teams[last], *scenario.team.boards_of(last)))
             there = (sys.executable, "-m", "blackboard", "router", "-l", endpoints[1], "-e", await lane(SITES))
             routers.append(ProcessRow("router-2", there))
-            world = _moved(world, endpoints[0], endpoints[0], "--connect", endpoints[1], "--mode", "peer", *_both())
+            world = _moved(world, endpoints[0], endpoints[0], "--connect", endpoints[1], "--mode", "peer", *BOTH)
         members = []
         for member in processes.members:
             where = endpoints[1] if member.name in far else endpoints[0]
@@ -174,7 +174,3 @@ def _moved(process: ProcessRow, before: str, *after: str) -> ProcessRow:
     at = list(process.arguments).index(before)
     arguments = (*process.arguments[:at], *after, *process.arguments[at + 1 :])
     return replace(process, arguments=arguments)
-
-
-def _both() -> list[str]:
-    return [part for setting in BOTH for part in ("--cfg", setting)]

@@ -11,17 +11,13 @@ from blackboard.opinion.grid import Array
 from blackboard.opinion.scores import LEVELS, Score
 
 
-def _nothing() -> Array:
-    return np.zeros(2 + len(LEVELS))
-
-
 @dataclass
 class Tally:
     """What `Score.summary` says, of entries that are not kept; of many, p95 is off by 0.1 % at most (`blackboard.judge.distances`)."""
 
     _errors: Distances = field(default_factory=Distances)
     #: entropies and log scores in nats, regions of each level that held the truth
-    _sums: Array = field(default_factory=_nothing)
+    _sums: Array = field(default_factory=lambda: np.zeros(2 + len(LEVELS)))
 
     def add(self, score: Score) -> None:
         """Take in a score of one entry."""

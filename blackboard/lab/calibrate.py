@@ -56,7 +56,9 @@ def calibrate(
         raise UserError(f"--track {track:g}: give the distance from wheel to wheel, more than 0")
     chosen, drives = _taped(file, scenario) if file is not None else _replayed(recording, seconds, scenario)
     with progress("calibrate") as show:
-        calibration = calibrated(drives, track, {"the scenario's": _assumed(chosen, drives)}, show)
+        calibration = calibrated(
+            drives, track, {"the scenario's": Noise.alike(len(drives.robots), **assumed(chosen))}, show
+        )
     if plot is not None:
         calibrate_drawing.draw(calibration, chosen.grid.unit, plot)
     told = report.report(calibration, STAMPED if file is None else {})
@@ -78,8 +80,3 @@ def _replayed(recording: RecordingFlags, seconds: float | None, scenario: str | 
     chosen = recording.scenario(scenario).changed("time", seconds=seconds)
     stamped = chosen.changed("time", tick=TICK).changed("world", **STAMPED)
     return chosen, drives_of((one for tick in played(stamped) for one in tick.readings), trusted=False)
-
-
-def _assumed(scenario: Scenario, drives: Drives) -> Noise:
-    """The noise that the robots of a scenario assume where nothing was found."""
-    return Noise.alike(len(drives.robots), **assumed(scenario))

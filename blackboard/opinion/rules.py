@@ -28,10 +28,6 @@ BOUNDS = (("least", -math.inf), ("above", -math.inf), ("most", math.inf))  # of 
 Outcome = Literal["pooled", "veto: linear"]
 
 
-def _none() -> Array:
-    return np.zeros(0)
-
-
 @dataclass(frozen=True, eq=False)
 class Pooled:
     """What a rule made of N opinions, and why.
@@ -44,7 +40,7 @@ class Pooled:
 
     p: Array
     weights: Array
-    components: Array = field(default_factory=_none)
+    components: Array = field(default_factory=lambda: np.zeros(0))
     outcome: Outcome = "pooled"
     if_independent: Callable[[], Array] | None = None
 

@@ -6,7 +6,6 @@ import pytest
 import zenoh
 
 from blackboard.errors import Refused
-from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.wire.codec import open_envelope
 from blackboard.wire.envelope import Envelope, Kind
@@ -108,7 +107,7 @@ def test_a_robot_reads_neither_the_truth_nor_what_another_measures(let_in: Enter
         r1.subscribe(key_expr)
     viewer.subscribe("cop/**")
     secret = [put("cop/t/world/truth"), put("cop/t/world/reading/r2")]
-    introduce_viewer(viewer, world)
+    gets_through(world, put("cop/t/world/clock", b"ready"), Letters(viewer))
     for envelope in secret:
         world.send(envelope)
     Letters(viewer).until(*secret)
@@ -122,12 +121,6 @@ def test_a_robot_reads_neither_the_truth_nor_what_another_measures(let_in: Enter
     letters = Letters(r1)
     gets_through(world, mine, letters)
     assert {e.key for e in letters.read if e.key.startswith("cop/")} == {mine.key}
-
-
-def introduce_viewer(viewer: Link, speaker: Link) -> None:
-    """Wait until what the speaker says reaches the viewer."""
-    ready, letters = put("cop/t/world/clock", b"ready"), Letters(viewer)
-    gets_through(speaker, ready, letters)
 
 
 def test_a_robot_answers_no_question_about_others(let_in: Enter, shut: Shut, keys: Path) -> None:

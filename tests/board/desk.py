@@ -74,8 +74,8 @@ def clock(tick: int, *robots: str, run: str = "one", mode: str = "lockstep", **m
     return put(message)
 
 
-def ball(x: float = 10, sigma: float = 2) -> Belief:
-    return gaussian(GRID, (x, 10), sigma)
+def ball(x: float = 10) -> Belief:
+    return gaussian(GRID, (x, 10), 2)
 
 
 def report(

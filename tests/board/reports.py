@@ -31,10 +31,10 @@ def report(
     return Report(source=source, subject=subject, tick=tick, time=time, belief=pack(belief), informed=packed)
 
 
-def sees(source: str, own: Belief, things: Sequence[tuple[str, Belief]], tick: int, step: float = 1.0) -> Report:
-    """What a robot reports of itself where it sees things of some classes, a tick each `step` seconds."""
+def sees(source: str, own: Belief, things: Sequence[tuple[str, Belief]], tick: int) -> Report:
+    """What a robot reports of itself where it sees things of some classes, in ticks of a second."""
     unnamed = [UnnamedBelief(kind=kind, belief=pack(belief), mark=mark) for mark, (kind, belief) in enumerate(things)]
-    message = report(source, own, tick * step, subject=f"robot/{source}", tick=tick)
+    message = report(source, own, float(tick), subject=f"robot/{source}", tick=tick)
     return message.model_copy(update={"unnamed": unnamed})
 
 

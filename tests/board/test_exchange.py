@@ -8,13 +8,13 @@ from blackboard.wire.messages import Consensus
 from tests.board.reports import FINE, at, fine, new_board, only, report, said_by, same
 
 
-def exchanged(*sub_teams: Board, tick: int = 0, now: float = 0.0) -> dict[str, Consensus]:
+def exchanged(*sub_teams: Board) -> dict[str, Consensus]:
     """Settle and exchange between boards that know one subject; the agreed belief of each."""
-    said = [c for b in sub_teams for c in b.settle(tick, now)]
+    said = [c for b in sub_teams for c in b.settle(0, 0.0)]
     for b in sub_teams:
         for consensus in said:
-            b.hear_consensus(consensus, now)
-    return {b.sub_team: only(b.exchange(tick, now)) for b in sub_teams}
+            b.hear_consensus(consensus, 0.0)
+    return {b.sub_team: only(b.exchange(0, 0.0)) for b in sub_teams}
 
 
 def test_after_the_exchange_all_sub_teams_hold_the_same_belief() -> None:

@@ -84,9 +84,9 @@ def test_who_holds_a_token() -> None:
 # --- recovery --------------------------------------------------------------------------------------------------------
 
 
-def looks(missing: dict[float, int], until: float = 20.0) -> list[Look]:
+def looks(missing: dict[float, int]) -> list[Look]:
     pairs = [("a", f"robot/r{i}") for i in range(9)]
-    times = [0.5 * i for i in range(int(2 * until) + 1)]
+    times = [0.5 * i for i in range(41)]
     return [Look(t, t, tuple(pairs[: missing.get(t, 0)]), 9) for t in times]
 
 

@@ -6,10 +6,10 @@ import pytest
 from blackboard.chaos.trouble import LONGEST, RETRANSMISSION, OneDirection, Trouble
 
 
-def late(trouble: Trouble, n: int = 2000, size: int = 100, apart: float = 10.0) -> list[float]:
-    """How late each of `n` pieces comes that are sent so many seconds apart."""
+def late(trouble: Trouble, n: int = 2000, size: int = 100) -> list[float]:
+    """How late each of `n` pieces comes that are sent 10 s apart."""
     line = OneDirection(np.random.default_rng(1))
-    return [line.arrives(apart * i, size, trouble) - apart * i for i in range(n)]
+    return [line.arrives(10.0 * i, size, trouble) - 10.0 * i for i in range(n)]
 
 
 def test_without_trouble_nothing_is_late() -> None:

@@ -64,7 +64,8 @@ def test_boards_of_the_version_before_are_understood_by_robots_of_today(before: 
         now = at
         own = keys.STATUS.match(envelope.key) or keys.REPORT.match(envelope.key)
         if envelope.kind is not Kind.PUT or not own:
-            said += robot.receive(envelope, now) if _is_for(robot.listens + robot.watches, envelope.key) else []
+            is_for_it = any(intersects(one, envelope.key) for one in robot.listens + robot.watches)
+            said += robot.receive(envelope, now) if is_for_it else []
     said += robot.wake(now)
     reports = [e for e in said if keys.REPORT.match(e.key)]
     recorded = {
@@ -88,11 +89,6 @@ def test_boards_of_the_version_before_are_understood_by_robots_of_today(before: 
 def nothing_was_refused(team: InProcessTeam) -> None:
     services: list[Any] = [*team.boards.values(), *team.robots.values(), team.world]
     assert {str(dict(service.refused)) for service in services} == {"{}"}
-
-
-def _is_for(expressions: tuple[str, ...], key: str) -> bool:
-
-    return any(intersects(expression, key) for expression in expressions)
 
 
 def more(value: Any) -> Any:

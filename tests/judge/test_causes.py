@@ -10,8 +10,8 @@ from blackboard.judge.intervals import Estimate
 from tests.judge.instants import at, both, new_instant, referee, solo
 
 
-def levels(solo: float, agreed: float, n: int = 10) -> dict[str, Any]:
-    return {level: {"n": n, "rmse": rmse} for level, rmse in (("solo", solo), ("agreed", agreed))}
+def levels(solo: float, agreed: float) -> dict[str, Any]:
+    return {level: {"n": 10, "rmse": rmse} for level, rmse in (("solo", solo), ("agreed", agreed))}
 
 
 def causes(

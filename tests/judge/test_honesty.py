@@ -27,14 +27,12 @@ def reported(instant: Instant, robot: str, sub_team: str) -> None:
     both(instant, sub_team, f"robot/{robot}", at(2, 2), at(2, 2))
 
 
-def played(
-    board_dies: int, ticks: int = 150, *, back: int = 999, faulty: tuple[str, ...] = ()
-) -> tuple[bool, list[str]]:
+def played(board_dies: int, *, back: int = 999, faulty: tuple[str, ...] = ()) -> tuple[bool, list[str]]:
     """r1 and its board are there all the time; the board of r2 dies at a tick, and the world leaves out its sub-team."""
     judge = Referee(
         Grid((10, 10)), CheckSection.model_validate(CALM | {"calibration": 1.0}), ("r1", "r2"), faulty=faulty
     )
-    for tick in range(1, ticks + 1):
+    for tick in range(1, 151):
         there = tick < board_dies or tick >= back
         teams = {"a": ["r1"], **({"b": ["r2"]} if there else {})}
         instant = new_instant({"robot/r1": (2.5, 2.5), "robot/r2": (2.5, 2.5)}, tick, teams)

@@ -23,8 +23,8 @@ def consensus(board: str, level: Any = "agreed", subject: str = "robot/r1", x: f
     return envelopes.consensus(gaussian(GRID, (x, 2.0), 1.0), subject, board=board, level=level, tick=1)
 
 
-def status(board: str, phase: Any, *subjects: str, tick: int = 1) -> Status:
-    return Status(process=board, kind="board", tick=tick, time=0, phase=phase, subjects=list(subjects))
+def status(board: str, phase: Any, *subjects: str) -> Status:
+    return Status(process=board, kind="board", tick=1, time=0, phase=phase, subjects=list(subjects))
 
 
 def test_a_board_is_done_once_everything_listed_is_in() -> None:

@@ -43,16 +43,16 @@ def test_every_candidate_scores_as_the_pool_itself(rule: str) -> None:
         assert tried.covered[:, i] == pytest.approx([sum(covered), covered[0]], abs=1e-6), settings[i]
 
 
-def candidate(log_scores: list[float], shares: list[float], runs: int = 6, cases: int = 10) -> CandidateScores:
+def candidate(log_scores: list[float], shares: list[float], runs: int = 6) -> CandidateScores:
     """The first candidates of "coalition" as given, all others bad; each run alike."""
     n = len(candidates("coalition"))
     scores, covered = np.full(n, -9.0), np.zeros(n)
     scores[: len(log_scores)], covered[: len(shares)] = log_scores, shares
     return CandidateScores(
         "coalition",
-        np.tile(scores * cases, (runs, 1)),
-        np.tile(covered * cases, (runs, 1)),
-        np.full(runs, float(cases)),
+        np.tile(scores * 10, (runs, 1)),
+        np.tile(covered * 10, (runs, 1)),
+        np.full(runs, 10.0),
     )
 
 

@@ -4,7 +4,7 @@ import json
 from functools import partial
 from pathlib import Path
 
-from tests.processes import Program, program, wait_until
+from tests.processes import program, wait_until
 
 SCENARIO = """
 [team]
@@ -17,10 +17,6 @@ tick = 0.2
 """
 
 
-def _has_ended(case: Program) -> bool:
-    return case.running.poll() is not None
-
-
 def test_two_sites_go_on_by_themselves_and_a_killed_robot_comes_back(tmp_path: Path) -> None:
     """Both cases at the same time, because most of their time is waiting. That all is settled again is the exit status."""
     scenario = tmp_path / "storm.toml"
@@ -30,7 +26,9 @@ def test_two_sites_go_on_by_themselves_and_a_killed_robot_comes_back(tmp_path: P
         cases = {"sites": partition, "kill-robot": killing}
         by_site = {}
         for name, case in cases.items():
-            wait_until(partial(_has_ended, case), f"{name} is done", 100)  # it takes 25
+            wait_until(
+                partial(lambda case: case.running.poll() is not None, case), f"{name} is done", 100
+            )  # it takes 25
             assert case.ends() == 0, case.err
             (by_site[name],) = json.loads(case.out)["rows"]
     assert {row["case"] for row in by_site.values()} == set(cases)

@@ -19,10 +19,6 @@ def area(ring: Array) -> float:
     return float((x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2)
 
 
-def random_belief(seed: int) -> Belief:
-    return Belief(GRID, np.random.default_rng(seed).dirichlet(np.full(GRID.size, 0.3)).reshape(GRID.shape))
-
-
 def test_the_mode_is_the_centre_of_the_likeliest_cell() -> None:
     p = np.zeros(GRID.shape)
     p[3, 4], p[5, 6] = 0.4, 0.6
@@ -51,7 +47,7 @@ def test_an_even_belief_s_region_is_everything_and_a_share_is_above_0_and_at_mos
 @pytest.mark.parametrize("share", [0.3, 0.9])
 def test_polygons_enclose_the_cells_and_nothing_else(seed: int, share: float) -> None:
     """Rings around cells less those around holes have the region's area, and every ring is closed and turns at each point."""
-    belief = random_belief(seed)
+    belief = Belief(GRID, np.random.default_rng(seed).dirichlet(np.full(GRID.size, 0.3)).reshape(GRID.shape))
     rings = belief.polygons(share)
     assert sum(area(ring) for ring in rings) == pytest.approx(belief.region(share).sum() * GRID.volume)
     for ring in rings:

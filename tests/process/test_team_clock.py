@@ -32,9 +32,9 @@ def world(clock: TeamClock, kind: Kind, now: float = NOW) -> None:
     clock.roster.hear_token(Envelope(WORLD, kind=kind), now)
 
 
-def following(tick: int, mode: Any = "lockstep", grace: float = 0.5) -> TeamClock:
+def following(tick: int, mode: Any = "lockstep") -> TeamClock:
     """A team clock that follows a world, whose newest Clock came at `NOW`."""
-    clock = TeamClock(Roster(grace=grace), period=0.5)
+    clock = TeamClock(Roster(grace=0.5), period=0.5)
     world(clock, Kind.ALIVE)
     assert clock.hear_clock(clock_message(tick, mode), NOW) is News.RUN
     return clock

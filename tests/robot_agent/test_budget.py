@@ -277,12 +277,11 @@ def said_of_itself(
     return next((report.evidence for report in said.reports if report.subject == "robot/r1"), None)
 
 
-def new_joint_budget(rate: float) -> Budget:
-    return Budget(SendSection(budget=rate), AGENT_GRID, "r1", 1.0, size)
-
-
 def test_a_whole_state_is_repeated_rarely_until_a_board_needs_one() -> None:
-    budget, agent = new_joint_budget(2500.0), JointAgent("r1", RobotSection(), AGENT_GRID)
+    budget, agent = (
+        Budget(SendSection(budget=2500.0), AGENT_GRID, "r1", 1.0, size),
+        JointAgent("r1", RobotSection(), AGENT_GRID),
+    )
     budget.bucket.refill(0.0)
     states_sent = list[tuple[float, bool]]()
     for tick in range(60):

@@ -110,15 +110,10 @@ def test_an_object_is_known_no_better_than_the_place_it_is_seen_from() -> None:
     """Seen again and again from one place, what both have in common does not average out."""
     agent = new_agent()
     for tick in range(12):
-        still = replace_odometry(readings(tick, BALL, fix=(10, 10) if tick == 0 else None))
-        reports, _ = agent.tick(still, {})
+        reports, _ = agent.tick(readings(tick, BALL, fix=(10, 10) if tick == 0 else None, distance=0.0), {})
     ball = unpack(by_subject(reports)["object/ball"].belief).covariance()
     own = agent.own.marginal("robot/r1").covariance
     assert np.trace(ball) > np.trace(own)
-
-
-def replace_odometry(said: Readings) -> Readings:
-    return said.model_copy(update={"odometry": Odometry(distance=0.0, turn=0.0, dt=0.5) if said.tick else None})
 
 
 def test_the_team_s_word_is_moved_on_by_what_was_measured_since() -> None:

@@ -40,10 +40,6 @@ class Disk(io.BytesIO):
         return super().write(part)
 
 
-def found_on(path: Path) -> list[tuple[float, Envelope]]:
-    return list(look_through(path, TapeAbout(), broken=[]))
-
-
 @given(rooms=st.lists(st.integers(0, 20_000), min_size=1, max_size=12), flush_every=st.integers(1, 60))
 def test_whatever_room_there_is_the_tape_is_a_whole_beginning_and_its_length_is_known(
     tmp_path_factory: pytest.TempPathFactory, rooms: list[int], flush_every: int
@@ -58,7 +54,7 @@ def test_whatever_room_there_is_the_tape_is_a_whole_beginning_and_its_length_is_
             disk.room += rooms[number * len(rooms) // len(SENT)]
     writer.close()
     path = saved(tmp_path_factory.getbasetemp() / "full.mcap", disk.getvalue())
-    kept = found_on(path)
+    kept = list(look_through(path, TapeAbout(), broken=[]))
     assert kept == SENT[: len(kept)]
     assert (writer.kept, writer.missing) == (len(kept), len(SENT) - len(kept))
 

@@ -49,7 +49,7 @@ class TeamJoint(TeamState):
         if tick <= self.tick:
             self.tally.repeated += sum(1 for _ in reports)
             return []
-        self._settle(tick, dt, self._aligned(self._as_made(self._news(tick, reports))))
+        self._settle(tick, dt, self._aligned(self._news(tick, reports)))
         doubted = frozenset(robot for robot in self.known if self.doubts(robot))
         for robot in sorted(doubted - self._doubted):
             self._take_back(robot)
@@ -152,13 +152,10 @@ class TeamJoint(TeamState):
                 self.tally.repeated += 1
             else:
                 news[evidence.robot] = evidence
-        return news
-
-    def _as_made(self, news: dict[str, Evidence]) -> dict[str, Evidence]:
-        """The same, with sightings scaled by what robots of one make know of their cameras' noise (`cameras`)."""
         return {robot: self._by_mates(evidence) for robot, evidence in news.items()}
 
     def _by_mates(self, evidence: Evidence) -> Evidence:
+        """The same, with sightings scaled by what robots of one make know of their cameras' noise (`cameras`)."""
         own, nuisance = evidence.camera, evidence.nuisance
         if own is None or not nuisance.alike:
             return evidence

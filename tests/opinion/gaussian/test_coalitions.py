@@ -23,8 +23,8 @@ from tests.opinion.gaussian import driving
 PLACES = {"robot/r1": (0.0, 0.0), "robot/r2": (5.0, 0.0), "robot/r3": (0.0, 5.0), "robot/r4": (5.0, 5.0)}
 
 
-def place(x: float, y: float, sigma: float = 0.3) -> Moments:
-    return Moments(np.array([x, y]), np.eye(2) * sigma**2)
+def place(x: float, y: float) -> Moments:
+    return Moments(np.array([x, y]), np.eye(2) * 0.3**2)
 
 
 def sees(observer: str, subject: str, at: tuple[float, float]) -> Relative:

@@ -33,10 +33,10 @@ def shifted(team: TeamJoint, robot: str, at: Array, lie: float, sides: int = 1) 
     )
 
 
-def worst(lie: float, ticks: int = END, names: bool = True, sides: int = 1) -> tuple[float, set[str]]:
+def worst(lie: float, names: bool = True, sides: int = 1) -> tuple[float, set[str]]:
     """How far the farthest mate of a liar was taken along, and who was doubted. Without `names` it says that robots were seen."""
     team, farthest, doubted = TeamJoint(), 0.0, set[str]()
-    for tick in range(ticks):
+    for tick in range(END):
         lies = shifted(team, LIAR, PLACES[LIAR], lie, sides) if tick >= BEGIN else ()
         if not names:
             lies = tuple(replace(relative, subject="robot/?", mark=mark) for mark, relative in enumerate(lies))

@@ -15,20 +15,18 @@ from tests.present import present
 BALL, DT, SIGMA = "object/ball", 0.1, 0.1  # seconds, units
 
 
-def rolled(seconds: float, speed: float = 1.0, wide: float = 8.0) -> np.ndarray:
+def rolled(seconds: float) -> np.ndarray:
     """Place and velocity of a ball between two pairs of walls, shape (n, 4)."""
     steps = np.arange(round(seconds / DT))[:, np.newaxis] * DT
     angle = np.array([0.4, 0.4 + math.pi / 2])
-    way = (3.0 + steps * speed * np.cos(angle)) % (2 * wide)
-    back = way > wide
-    return np.hstack([np.where(back, 2 * wide - way, way), np.where(back, -1, 1) * speed * np.cos(angle)])
+    way = (3.0 + steps * np.cos(angle)) % 16.0
+    back = way > 8.0
+    return np.hstack([np.where(back, 16.0 - way, way), np.where(back, -1, 1) * np.cos(angle)])
 
 
-def follow(
-    walks: Walks, places: np.ndarray, drift: float, model: Model = "learn", seed: int = 1
-) -> list[Moments | None]:
+def follow(walks: Walks, places: np.ndarray, drift: float, model: Model = "learn") -> list[Moments | None]:
     """The velocity after each step, of a ball that is seen in two of five."""
-    rng, velocities = np.random.default_rng(seed), []
+    rng, velocities = np.random.default_rng(1), []
     for place in places:
         walks.pass_time(BALL, drift, DT, model)
         if rng.random() < 0.4:

@@ -39,10 +39,10 @@ def moved(relative: Relative, offset: Array) -> Relative:
     return replace(relative, range=float(np.hypot(x, y)), bearing=float(np.arctan2(y, x)))
 
 
-def left_out(lie: Callable[[int], float], seed: int, ticks: int = 55) -> tuple[list[bool], TeamJoint, float]:
+def left_out(lie: Callable[[int], float], seed: int) -> tuple[list[bool], TeamJoint, float]:
     """For each tick whether the joint leaves the liar out of five robots; the joint; how far off it has the liar at last."""
     robots, joint, left_out_at = team(5, seed), TeamJoint(), []
-    for tick in range(ticks):
+    for tick in range(55):
         reports = [
             lying(report, np.array([lie(tick), 0.0])) if report.robot == LIAR else report
             for report in reports_of(robots, tick)
