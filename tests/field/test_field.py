@@ -51,33 +51,27 @@ def test_the_ball_is_about_where_the_central_filter_has_it(scores: Scores) -> No
 
 
 @pytest.mark.long
-def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mates() -> None:
-    """They have wheels and sightings alone. Seconds after they met a mate they are as exact as if they had known."""
+@pytest.mark.parametrize(
+    ("unplaced", "alone", "judged"),
+    [(("r2", "r3"), None, ("r1", "r2", "r3")), (("r2",), "range", ("r2",)), (("r2",), "bearing", ("r2",))],
+)
+def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mates(
+    unplaced: tuple[str, ...], alone: Literal["range", "bearing"] | None, judged: tuple[str, ...]
+) -> None:
+    """They have wheels and sightings alone. Seconds after they met a mate they are as exact as if they had known.
+
+    By ranges or bearings alone, a robot once knew nothing for all of the time: boards take these about what they know already, and
+    its grids took none.
+    """
     errors = {}
-    for unplaced in ((), ("r2", "r3")):
-        field = Field(World(202), new_scenario(Truth(), told=False), unplaced=unplaced)
-        errors[unplaced] = field.play(SECONDS)["team"]
-    for robot in ("r1", "r2", "r3"):
-        known, unknown = errors[()][robot], errors["r2", "r3"][robot]
+    for some in ((), unplaced):
+        field = Field(World(202), new_scenario(Truth(), told=False), unplaced=some, alone=alone)
+        errors[some] = field.play(SECONDS)["team"]
+    for robot in judged:
+        known, unknown = errors[()][robot], errors[unplaced][robot]
         late = len(unknown.squared) // 2
         assert np.mean(unknown.squared[late:]) <= 2 * np.mean(known.squared[late:])
         assert unknown.coverage() >= 0.85
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("kind", ["range", "bearing"])
-def test_a_robot_that_is_not_told_where_it_starts_finds_itself_by_ranges_or_bearings_alone_of_its_mates(
-    kind: Literal["range", "bearing"],
-) -> None:
-    """Before, it knew nothing for all of the time: boards take parts about what they know already, and its grids took none."""
-    errors = {}
-    for unplaced in ((), ("r2",)):
-        field = Field(World(202), new_scenario(Truth(), told=False), unplaced=unplaced, alone=kind)
-        errors[unplaced] = field.play(SECONDS)["team"]
-    known, unknown = errors[()]["r2"], errors["r2",]["r2"]
-    late = len(unknown.squared) // 2
-    assert np.mean(unknown.squared[late:]) <= 2 * np.mean(known.squared[late:])
-    assert unknown.coverage() >= 0.85
 
 
 @pytest.mark.long

@@ -4,6 +4,8 @@ import json
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from blackboard.config import Scenario
 from blackboard.lab.team import InProcessTeam
 from blackboard.process.service import Service
@@ -67,3 +69,11 @@ def read(frame: bytes) -> tuple[dict[str, Any], bytes]:
     """The header of a frame of the page, and its levels."""
     length = int.from_bytes(frame[:4], "little")
     return json.loads(frame[4 : 4 + length]), frame[4 + length :]
+
+
+def within(pieces: np.ndarray, x: float, y: float) -> bool:
+    """Whether a point is inside the closed line that the pieces (x, y, x, y) make: by a ray to the right."""
+    x1, y1, x2, y2 = pieces.T
+    crosses = (y1 > y) != (y2 > y)
+    at = x1[crosses] + (x2 - x1)[crosses] * (y - y1[crosses]) / (y2 - y1)[crosses]
+    return int(np.count_nonzero(at > x)) % 2 == 1

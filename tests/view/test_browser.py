@@ -16,7 +16,7 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.envelope import Envelope, Kind
 from tests.files import GOLDEN
 from tests.view.browser import FOUND, MISSING, Browser, browser
-from tests.view.recorded import golden_team, recorded
+from tests.view.recorded import golden_team, recorded, within
 from tests.view.serving import served
 
 pytestmark = pytest.mark.skipif(FOUND is None, reason=MISSING)
@@ -90,12 +90,8 @@ def check_shown(page: Browser, moment: Moment) -> None:
 
 
 def around(pieces: np.ndarray, x: float, y: float) -> bool:
-    """Whether pieces (x, y, x, y) of closed lines go around a point, or near it: a ray to the right crosses them an odd number of times."""
-    x1, y1, x2, y2 = pieces.T
-    crosses = (y1 > y) != (y2 > y)
-    at = x1[crosses] + (x2 - x1)[crosses] * (y - y1[crosses]) / (y2 - y1)[crosses]
-    near = float(np.min(np.hypot(x1 - x, y1 - y)))
-    return int(np.count_nonzero(at > x)) % 2 == 1 or near < 0.75
+    """Whether pieces (x, y, x, y) of closed lines go around a point, or near it."""
+    return within(pieces, x, y) or float(np.min(np.hypot(pieces[:, 0] - x, pieces[:, 1] - y))) < 0.75
 
 
 def test_a_tape_is_shown_from_its_beginning_and_scrubbed(look: Callable[[str], Browser]) -> None:

@@ -13,7 +13,7 @@ import pytest
 from blackboard.view.frame import frame, line
 from blackboard.wire.arrays import unpack
 from tests.files import ROOT
-from tests.view.recorded import team_of
+from tests.view.recorded import team_of, within
 from tests.view.screenshots import of_page
 
 NODE = shutil.which("node")
@@ -105,14 +105,6 @@ def test_the_contour_parts_the_cells_inside_from_those_outside(page: dict[str, A
                 if abs(float(levels[i, j]) - drawn.edge) > 2:
                     cell = (drawn.lo[0] + i + 0.5, drawn.lo[1] + j + 0.5)
                     assert within(pieces, *cell) == (levels[i, j] > drawn.edge), (name, i, j)
-
-
-def within(pieces: np.ndarray, x: float, y: float) -> bool:
-    """Whether a point is inside the closed line that the pieces (x, y, x, y) make: by a ray to the right."""
-    x1, y1, x2, y2 = pieces.T
-    crosses = (y1 > y) != (y2 > y)
-    at = x1[crosses] + (x2 - x1)[crosses] * (y - y1[crosses]) / (y2 - y1)[crosses]
-    return int(np.count_nonzero(at > x)) % 2 == 1
 
 
 def test_coverage_is_the_running_share(page: dict[str, Any]) -> None:
