@@ -65,7 +65,6 @@ def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str,
     for robot in sorted(back):
         team.trust.forget(robot)
         team.offsets.forget(robot)
-        team.surprise.forget(robot)
     again = {robot for robot in parted | back if robot in team.joint}
     for robot in sorted(again):
         team.drop(robot)
@@ -138,8 +137,6 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
     if taken:
         only = team.bounded(robot, factor, team.moved_by(robot), expected)
         correct(team.joint, factor, only, expected)
-    elif not by:
-        team.judge_rejected(robot, factor, squared)
     left_out = 0 if taken else team.known[robot].left_out + 1
     if left_out >= PATIENCE:
         team.widen(robot)

@@ -101,28 +101,6 @@ class Influence(Copyable):
                 self._honest[row][np.ix_(to, to)] = before[3][old][np.ix_(of, of)]
         self._sources, self._places = robots, places
 
-    def likelier_without(self, robot: str, factor: Factor, expected: Expected) -> dict[str, float]:
-        """By how many nats a factor that `robot` tells is likelier without what each other one has moved: `surprise`."""
-        by = self._by(factor)
-        now = expected.spread + factor.noise
-        without = now + by @ self._honest @ by.T
-        residuals = factor.residual + self._moved @ by.T
-        squared = (residuals * np.linalg.solve(without, residuals[:, :, np.newaxis])[:, :, 0]).sum(axis=1)
-        surprise = (squared + np.linalg.slogdet(without)[1]) / 2
-        nats = (factor.residual @ np.linalg.solve(now, factor.residual) + np.linalg.slogdet(now)[1]) / 2 - surprise
-        return {
-            source: likelier for source, likelier in zip(self._sources, nats.tolist(), strict=True) if source != robot
-        }
-
-    def _by(self, factor: Factor) -> Array:
-        """The derivatives of a factor by the places, shape (m, 2 places)."""
-        by = np.zeros((len(factor.residual), 2 * len(self._places)))
-        for block, part in factor.jacobians.items():
-            if block in self._places:
-                at = 2 * self._places.index(block)
-                by[:, at : at + 2] = part[:, AXES]
-        return by
-
     def after(
         self,
         joint: Joint,
@@ -138,7 +116,11 @@ class Influence(Copyable):
         """
         self._follow(joint)
         rows, spread = joint.indices(self._places, 2).ravel(), expected.spread + factor.noise
-        by = self._by(factor)
+        by = np.zeros((len(factor.residual), len(rows)))
+        for block, part in factor.jacobians.items():
+            if block in self._places:
+                at = 2 * self._places.index(block)
+                by[:, at : at + 2] = part[:, AXES]
         gain = share * np.linalg.solve(spread, expected.cross[:, rows]).T
         if only is not None:
             gain *= np.repeat([place in only for place in self._places], 2)[:, np.newaxis]

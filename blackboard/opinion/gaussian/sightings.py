@@ -194,8 +194,6 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
     if not subject.startswith("robot/"):
         agrees = agrees and not any(team.contacts.contradict(observer, o) for o in team.vouching(subject, observer))
     taken = agrees and not {observer, subject} & team.left_out
-    if squared > quantile(GATE, innovation.freedom) and subject not in team.tracks and observer not in team.left_out:
-        team.judge_rejected(observer, factor, squared)
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
     team.add_verdict(Verdict(observer, subject, "relative", squared, innovation.freedom, taken, by))

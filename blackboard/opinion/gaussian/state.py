@@ -3,13 +3,12 @@
 import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
 
 from blackboard.errors import Degenerate
-from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.absent import Absent
 from blackboard.opinion.gaussian.cameras import CameraFound
@@ -26,7 +25,6 @@ from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
-from blackboard.opinion.gaussian.surprise import Surprise
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, Nuisance
@@ -92,7 +90,6 @@ class TeamState(Copyable):
     innovations: Innovations = field(default_factory=Innovations)
     offsets: Offsets = field(default_factory=Offsets)
     influence: Influence = field(default_factory=Influence)
-    surprise: Surprise = field(default_factory=Surprise)
     freshness: Freshness = field(default_factory=Freshness)
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
@@ -194,8 +191,8 @@ class TeamState(Copyable):
         return [block for block in self.joint.blocks if (block[1] if isinstance(block, tuple) else block) in robots]
 
     def doubts(self, robot: str) -> bool:
-        """Whether what a robot sees keeps one side, tells nothing new, or makes what the others measure a surprise."""
-        return self.offsets.doubts(robot) or self.freshness.doubts(robot) or self.surprise.doubts(robot)
+        """Whether what a robot sees keeps one side, or tells nothing new."""
+        return self.offsets.doubts(robot) or self.freshness.doubts(robot)
 
     def vouching(self, subject: str, observer: str) -> list[str]:
         """Who else has seen a subject, mostly agreed, and is not doubted."""
@@ -221,8 +218,6 @@ class TeamState(Copyable):
             return only
         self.joint.begin(factor.priors, factor.anchors)
         expected = expected or self.joint.expected(factor)
-        if only is None and share == 1.0:
-            self.surprise.on_evidence(self.influence.likelier_without(robot, factor, expected))
         after = self.influence.after(self.joint, robot, factor, expected) if only is None else None
         if after is not None and (beyond := self.influence.beyond(self.joint, after)):
             self.tally.bounded += 1
@@ -231,14 +226,6 @@ class TeamState(Copyable):
             after = self.influence.after(self.joint, robot, factor, expected, only, share)
         self.influence.on_factor(after)
         return only
-
-    def judge_rejected(self, robot: str, factor: Factor, squared: float) -> None:
-        """What the gate keeps out says whose evidence has moved the belief away from it, as if it were at the gate's edge."""
-        if self.influence.is_counted(len(self.known)) and not factor.priors and not self.doubts(robot):
-            shorter = replace(
-                factor, residual=factor.residual * math.sqrt(quantile(GATE, len(factor.residual)) / squared)
-            )
-            self.surprise.on_evidence(self.influence.likelier_without(robot, shorter, self.joint.expected(shorter)))
 
     def as_found(self, relative: Relative) -> Relative:
         """A sighting with the noise that its observer's have shown to have.

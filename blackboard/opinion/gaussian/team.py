@@ -42,8 +42,7 @@ class TeamJoint(TeamState):
     def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
         """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing.
 
-        Where a robot is found out to keep one side, to tell nothing new, or to make what others measure a surprise, what it has
-        moved is taken back.
+        Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back.
 
         Degenerate: some evidence leaves no Gaussian that can be kept. The team is in no defined state then.
         """
@@ -61,7 +60,6 @@ class TeamJoint(TeamState):
         """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
         self.influence.take_back(self.joint, robot)
         self.offsets.forget_scores()
-        self.surprise.forget_scores()
         for subject in self.trust.judged(robot) & set(self.seen):
             self.walks.forget(subject)
 
@@ -215,7 +213,6 @@ class TeamJoint(TeamState):
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self.forget_errors(dt)
         self.offsets.pass_time(dt)
-        self.surprise.pass_time(dt)
         self.freshness.pass_time(dt)
         self.tracks.pass_time(dt)
         pass_absent(self, dt)
