@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from blackboard.opinion.gaussian.relation import NEAREST, Kind, Profile, Relative, triangle
-from blackboard.opinion.gaussian.vehicle import wrap
+from blackboard.opinion.gaussian.vehicle import AXES, wrap
 from blackboard.opinion.grid import Array
 
 TURNED = np.array([-1.0, 1.0])  # of a vector (y, x): it is turned by 90 degrees so
@@ -34,15 +34,16 @@ class Form:
 def form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, heading: Array) -> Form:
     """Polar, which is range and bearing times the distance, along and across the line of sight; or the place in the observer's frame.
 
-    The polar form is exact in the heading, the Cartesian one in the positions. The error of the first grows with the positions'
-    variance over the distance, of the second with the heading's variance times the distance; a tenth of the distance does no harm to
-    the first. A heading without error leaves the second exact. An error that is Gaussian in x and y makes every range of the first
-    too long, so it is borne up to the heading's alone.
+    The polar form is exact in the heading, the Cartesian one in the positions. The first has the second-order terms of the place's
+    error (`_curved`). What is left of it grows with the positions' variance over the distance, the error of the second with the
+    heading's variance times the distance; a seventh of the distance does no harm to the first. A heading without error leaves the
+    second exact. An error that is Gaussian in x and y makes every range of the first too long, so it is borne up to the heading's
+    alone.
     """
     places, exact = its[0].places, bool(its[0].spread)
     ranges, bearings = np.array([(sighting.range, sighting.bearing) for sighting in its]).T
     distance = np.hypot(away[:, 0], away[:, 1])
-    polar = (heading > EXACT) & (spread[:, 0, 0] + spread[:, 1, 1] < (heading + 0.01) * distance**2)
+    polar = (heading > EXACT) & (spread[:, 0, 0] + spread[:, 1, 1] < 4 * (heading + 0.01) * distance**2)
     if exact:
         polar &= np.array([sighting.flat_across for sighting in its]) <= heading * distance**2
     polar = (polar & (distance >= NEAREST) & ((ranges >= distance / 2) | (not exact))) | (not places)
@@ -74,7 +75,24 @@ def form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, hea
         axes = _frames(by_range)
         along_axes = np.array([radial, np.where(polar, far, ranges) ** 2 * angular]).T
         noise = axes.swapaxes(1, 2) @ (along_axes[:, :, np.newaxis] * axes)
+    if polar.any():
+        shift, curved = _curved(by_place[polar], spread[polar], far[polar])
+        residual[polar] -= shift
+        noise[polar, AXES, AXES] += curved
     return Form(residual, by_place, by_camera, by_range, noise, far, larger)
+
+
+def _curved(by_place: Array, spread: Array, distance: Array) -> tuple[Array, Array]:
+    """What the error of a place adds to a range and to a bearing times the distance, which a straight line misses.
+
+    Mean, shape (k, 2), and covariance, shape (k, 2, 2), of the second-order terms (Athans, Wishner, Bertolini, IEEE TAC 13(5), 1968).
+    Without them every range is a little longer than expected, and where ranges have a scale, the map shrinks.
+    """
+    local = by_place @ spread @ by_place.swapaxes(1, 2)
+    along, tie, across = local[:, 0, 0], local[:, 0, 1], local[:, 1, 1]
+    mean = np.array([across / 2, -tie]).T / distance[:, np.newaxis]
+    covariance = np.array([[across**2 / 2, -tie * across], [-tie * across, along * across + tie**2]])
+    return mean, np.moveaxis(covariance, 2, 0) / distance[:, np.newaxis, np.newaxis] ** 2
 
 
 def _larger(its: Sequence[Relative], sight: Array, distance: Array, spread: Array) -> Array:
@@ -124,22 +142,11 @@ def _columns(profile: Profile) -> tuple[Array, Array]:
     return distances, variances
 
 
-def of_one_number(kind: Kind, form: Form, spread: Array) -> Form:
-    """The range alone, or the bearing times the distance, of a polar form, with the second-order terms of the place's error.
-
-    What a straight line misses of a ring is added to what is expected, and its variance to the noise (Athans, Wishner,
-    Bertolini, IEEE TAC 13(5), 1968).
-    """
-    local = form.by_place @ spread @ form.by_place.swapaxes(1, 2)
-    along, tie, across = local[:, 0, 0], local[:, 0, 1], local[:, 1, 1]
-    if kind == "range":
-        row, shift, curved = slice(0, 1), across / (2 * form.distance), across**2 / 2
-    else:
-        row, shift, curved = slice(1, 2), -tie / form.distance, along * across + tie**2
-    noise = form.noise[:, row, row] + (curved / form.distance**2)[:, np.newaxis, np.newaxis]
-    residual = form.residual[:, row] - shift[:, np.newaxis]
-    rows = form.by_place[:, row], form.by_camera[:, row], form.by_range[:, row]
-    return Form(residual, *rows, noise, form.distance, form.larger)
+def of_one_number(kind: Kind, seen: Form) -> Form:
+    """The range alone, or the bearing times the distance, of a polar form."""
+    row = slice(0, 1) if kind == "range" else slice(1, 2)
+    rows = seen.residual[:, row], seen.by_place[:, row], seen.by_camera[:, row], seen.by_range[:, row]
+    return Form(*rows, seen.noise[:, row, row], seen.distance, seen.larger)
 
 
 def with_heading(seen: Form, off: Array) -> Form:

@@ -161,7 +161,7 @@ def _seen(its: Sequence[Relative], ends: _Ends, motions: Mapping[str, Motion]) -
         seen.noise[:, X, X] += strayed
         seen.noise[:, Y, Y] += strayed
     if not its[0].places:
-        return of_one_number(its[0].kind, seen, ends.spread)
+        return of_one_number(its[0].kind, seen)
     if its[0].kind == "pose" and ends.states == STATES:
         return with_heading(seen, wrap(np.array([sighting.heading for sighting in its]) - there[:, HEADING] + camera))
     return replace(seen, noise=seen.noise[:, AXES, AXES])

@@ -121,21 +121,27 @@ def test_what_was_measured_is_told_again_as_it_was(kind: Kind, seed: int) -> Non
     assert numbers[1] == pytest.approx(covariance)
 
 
-@pytest.mark.parametrize("kind", ["range", "bearing"])
-@pytest.mark.parametrize("sigma", [0.1, 0.4])
+@pytest.mark.parametrize("kind", ["range", "bearing", "range-bearing"])
+@pytest.mark.parametrize("sigma", [0.1, 0.25, 0.4])
 def test_what_a_line_misses_of_a_ring_is_expected_and_added_to_the_noise(kind: Kind, sigma: float) -> None:
-    """Against samples of the place."""
+    """Against samples of the place. A range with its bearing is polar up to a seventh of the distance, or where a heading is unsure."""
     chance, joint = np.random.default_rng(1), Joint()
-    joint.add("robot/r0", Moments(np.zeros(STATES), np.zeros((STATES, STATES))))
+    unsure = np.zeros((STATES, STATES))
+    unsure[HEADING, HEADING] = 0.04
+    joint.add("robot/r0", Moments(np.zeros(STATES), unsure))
     root = sigma * np.array([[1.0, 0.0], [0.5, 0.8]])
     joint.add("object/ball", Moments(np.array([2.0, 0.0]), root @ root.T))
-    relative = measured(kind, "robot/r0", "object/ball", [2.0 if kind == "range" else 0.0], [1e-12])
+    if kind == "range-bearing":
+        relative = Relative("robot/r0", "object/ball", 2.0, 0.0, 1e-12, 1e-12)
+    else:
+        relative = measured(kind, "robot/r0", "object/ball", [2.0 if kind == "range" else 0.0], [1e-12])
     factor, places = linearise(joint, relative, {}), np.array([2.0, 0.0]) + chance.normal(size=(400_000, 2)) @ root.T
-    distances, angles = np.hypot(*places.T), np.arctan2(places[:, 1], places[:, 0])
-    samples = distances - 2.0 if kind == "range" else 2.0 * angles
-    expected, spread = -float(factor.residual[0]), float(joint.innovation(factor).covariance[0, 0])
-    assert expected == pytest.approx(float(samples.mean()), abs=0.12 * sigma**2)
-    assert spread == pytest.approx(float(samples.var()), rel=0.15)
+    samples = np.array([np.hypot(*places.T) - 2.0, 2.0 * np.arctan2(places[:, 1], places[:, 0])])
+    samples[1] -= 2.0 * 0.2 * chance.normal(size=len(places))
+    rows = {"range": [0], "bearing": [1]}.get(kind, [0, 1])
+    spread = np.atleast_2d(np.cov(samples[rows]))
+    assert -factor.residual == pytest.approx(samples[rows].mean(axis=1), abs=0.12 * sigma**2)
+    assert joint.innovation(factor).covariance == pytest.approx(spread, rel=0.15, abs=0.05 * np.max(spread))
 
 
 @pytest.mark.parametrize("flat", [True, False], ids=["in x and y", "in range and bearing"])

@@ -215,7 +215,7 @@ def test_where_it_was_later_than_it_has_told_is_not_known_before_it_tells() -> N
 def test_where_a_robot_was_outside_of_its_tick_is_known_less() -> None:
     joint, still = Joint(), Motion(0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0)
     for name, x in (("robot/r1", 0.0), ("robot/r2", 5.0)):
-        joint.add(name, entering(Moments(np.array([x, 0.0, 0.0]), START), NUISANCE))
+        joint.add(name, entering(Moments(np.array([x, 0.0, 0.0]), np.diag([0.0, 0.0, START[2, 2]])), NUISANCE))
     moves = {"robot/r1": still, "robot/r2": Motion(0.1, 0.0, 0.1, 0.1, 1e-6, 1e-6, 0.0)}
     sees = Relative("robot/r1", "robot/r2", 5.0, 0.0, RANGE**2, 0.0)
     noise = {
