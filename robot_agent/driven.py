@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 #: and Feng, IEEE Trans. Robotics and Automation 12(6), 1996), and fresh ones that grow with both. Floors differ more than wheels.
 #: Fresh errors across the way are as large as along it: it may skid.
 UNKNOWN_WHEELS = Wheels(
-    Nuisance(sigmas=(0.05, 0.05, 0.003, 0.0, 0.0, 0.0), walks=(0.003, 0.003, 0.0001)),
+    Nuisance(sigmas=(0.05, 0.05, 0.003, 0.0, 0.0, 0.05), walks=(0.003, 0.003, 0.0001)),
     along=0.03,
     across=0.03,
     heading=0.02,

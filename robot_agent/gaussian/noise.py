@@ -314,11 +314,7 @@ class CameraNoise:
     def judge(self, relative: Relative, measured: Factor, innovation: Innovation, time: float) -> None:
         """Take a sighting of a landmark, as a factor, and what it says beyond what was expected, at a team time (s)."""
         group = relative.group or relative.subject
-        if (
-            relative.kind != "range-bearing"
-            or relative.stretched <= 0
-            or time - self._judged.get(group, -np.inf) < ALIKE
-        ):
+        if relative.kind != "range-bearing" or not relative.biases or time - self._judged.get(group, -np.inf) < ALIKE:
             return
         self._judged[group] = time
         u = measured.jacobians[relative.observer][:, RANGE]

@@ -122,7 +122,7 @@ class Grounds(Robots):
     """A board and a team of robots that are driven by a ground. `each`: pieces of odometry are told one by one, not summed.
 
     They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts. A share of `wild` sightings is of anywhere
-    in view, but not for the filters beside the team.
+    in view, and their ranges are `longer` by this factor, but not for the filters beside the team.
     """
 
     def __init__(
@@ -134,6 +134,7 @@ class Grounds(Robots):
         alone: Literal["range", "bearing"] | None = None,
         unplaced: Collection[str] = (),
         wild: float = 0.0,
+        longer: float = 1.0,
         **board: object,
     ) -> None:
         width, height = ground.size
@@ -148,7 +149,7 @@ class Grounds(Robots):
         )
         super().__init__(chosen, 0.2 * (0.618 * ground.seed % 1.0))
         self.ground, self.told, self.each, self.alone, self.unplaced = ground, told, each, alone, unplaced
-        self.wild, self.random = wild, np.random.default_rng([ground.seed, 1])
+        self.wild, self.longer, self.random = wild, longer, np.random.default_rng([ground.seed, 1])
 
     def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
@@ -189,7 +190,7 @@ class Grounds(Robots):
 
     def _misread(self, seen: Sighting, kit: Kit) -> Sighting:
         if self.random.random() >= self.wild:
-            return seen
+            return seen.model_copy(update={"range": self.longer * seen.range})
         anywhere = {"range": self.random.uniform(0.0, kit.reach), "bearing": self.random.uniform(-kit.view, kit.view)}
         return seen.model_copy(update=anywhere)
 
@@ -208,13 +209,20 @@ def main() -> None:
     parser.add_argument("--alone", choices=("range", "bearing"), help="what robots see of others")
     parser.add_argument("--unplaced", action="store_true", help="one robot without GPS is not told where it starts")
     parser.add_argument("--wild", type=float, default=0.0, help="share of sightings that are of anywhere in view")
+    parser.add_argument("--longer", type=float, default=1.0, help="factor of all ranges that the robots measure")
     chosen = parser.parse_args()
     totals = new_scores()
     for seed in range(chosen.first, chosen.past):
         ground = Ground(seed, chosen.hertz, together=chosen.together, walks=chosen.ball, rolls=chosen.rolls)
         unplaced = [robot for robot, kit in ground.kits.items() if not kit.gps][:1] if chosen.unplaced else []
         team = Grounds(
-            ground, told=chosen.told, each=chosen.each, alone=chosen.alone, unplaced=unplaced, wild=chosen.wild
+            ground,
+            told=chosen.told,
+            each=chosen.each,
+            alone=chosen.alone,
+            unplaced=unplaced,
+            wild=chosen.wild,
+            longer=chosen.longer,
         )
         played = team.play(chosen.seconds)
         ratios = [f"{n} {t.rmse / played['central'][n].rmse:.2f} {t.coverage():.2f}" for n, t in played["team"].items()]

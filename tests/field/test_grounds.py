@@ -1,4 +1,4 @@
-"""Robots with steps of half a second, beside one filter of all readings."""
+"""Robots with steps of half a second, and robots whose ranges are too long, beside one filter of all readings."""
 
 import pytest
 
@@ -16,3 +16,13 @@ def test_robots_that_step_twice_a_second_know_how_exact_they_are() -> None:
         team.take(scores["team"][robot])
     assert team.coverage() >= 0.87
     assert team.log_score >= 1.0
+
+
+def test_ranges_that_are_all_too_long_by_a_tenth_are_found_to_be() -> None:
+    """With a sigma, which was taken for all errors of a range, robots were 4.2 times as far off as one filter at .15."""
+    scores, team, central = Grounds(Ground(9802), longer=1.1).play(60.0), Score(), Score()
+    for robot in ("r1", "r2", "r3"):
+        team.take(scores["team"][robot])
+        central.take(scores["central"][robot])
+    assert team.rmse < 1.4 * central.rmse
+    assert team.coverage() >= 0.88

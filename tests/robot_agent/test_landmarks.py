@@ -1,6 +1,7 @@
 """Sightings of `landmark/?`: a robot with a map finds out which ones it sees, and takes no more of them than it can know."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,13 +12,14 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.gaussian.filter import FirstHand
-from robot_agent.gaussian.sensors import Sensors
+from robot_agent.gaussian.sensors import WHEELED, Sensors, Wheels
 from tests.robot_agent.robots import Pose
 
 ROBOT = "robot/r1"
 APART = {"landmark/a": (3.0, 2.0), "landmark/b": (-1.0, 3.0), "landmark/c": (4.0, -2.0), "landmark/d": (-2.0, -2.0)}
 GROUP = {"landmark/a": (2.0, 0.0), "landmark/b": (2.1, 0.12), "landmark/c": (2.05, -0.1)}
 STEPS = 40
+WITHOUT_SCALE = Wheels(replace(WHEELED, sigmas=(*WHEELED.sigmas[:5], 0.0, *WHEELED.sigmas[6:])))  # of ranges
 
 
 def sighted(
@@ -49,7 +51,7 @@ def driven(
 ) -> tuple[FirstHand, Pose]:
     """A robot after a drive on an arc, and where it is; `known` is its map [default: all], `off` how far its start is wrong."""
     noise, pose = np.random.default_rng(seed), (0.0, -0.5, 0.3)
-    robot = FirstHand(ROBOT, Sensors(landmarks=places if known is None else known))
+    robot = FirstHand(ROBOT, Sensors(WITHOUT_SCALE, landmarks=places if known is None else known))
     start = Fix(position=(pose[0] + off, pose[1]), sigma=0.1, heading=pose[2], heading_sigma=0.05)
     robot.step(Readings(run="x", robot="r1", tick=0, time=0.0, fix=start))
     for tick in range(1, STEPS + 1):
@@ -74,7 +76,7 @@ def test_landmarks_that_stand_apart_tell_as_much_as_with_their_names() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_of_a_group_they_tell_less_than_with_names_and_nothing_false(seed: int) -> None:
-    """The camera's noise is told, because what is found of it differs between the two."""
+    """The camera's noise is told, and ranges have no scale, because what is found of them differs between the two."""
     robot, pose = driven(GROUP, False, seed=seed, with_sigmas=True)
     without, with_names = believed(robot), believed(driven(GROUP, True, seed=seed, with_sigmas=True)[0])
     apart = without.mean - pose[:2]

@@ -35,7 +35,7 @@ def scaled(relative: Relative, ranges: float, bearings: float) -> Relative:
 
     The lasting errors of a range go with it. A sighting that says itself how exact it is, or has a profile, stays as it is.
     """
-    if not relative.stretched or relative.kind != "range-bearing":
+    if not relative.biases or relative.kind != "range-bearing":
         return relative
     return replace(
         relative,

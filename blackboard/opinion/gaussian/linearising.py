@@ -194,7 +194,8 @@ def _strayed(sighting: Relative, motion: Motion | None) -> float:
 
 def _factors(joint: Joint, its: Sequence[Relative], ends: _Ends, seen: Form) -> list[Factor]:
     """The factors of k sightings of one kind."""
-    stretched = seen.by_range * np.array([[sighting.stretched] for sighting in its]) * seen.larger[:, np.newaxis]
+    is_scaled = np.array([sighting.is_scaled for sighting in its])
+    stretched = seen.by_range * np.where(is_scaled, seen.distance, 0.0)[:, np.newaxis]
     residual = seen.residual - stretched * ends.observer[:, RANGE : RANGE + 1]
     by_observer = np.zeros((*residual.shape, STATES))
     by_observer[:, :, AXES], by_observer[:, :, RANGE] = -seen.by_place, stretched

@@ -70,9 +70,11 @@ class Relative:
         return self.kind not in ("range", "bearing")
 
     @property
-    def stretched(self) -> float:
-        """The range (unit) that the observer's range scale stretches: none of a sighting that says itself how exact it is."""
-        return self.range if self.kind == "range" or self.biases else 0.0
+    def is_scaled(self) -> bool:
+        """Whether the observer's range scale stretches it. A profile holds all errors of a sighting, and so does the covariance of a
+        position that has no lasting ones.
+        """
+        return bool(self.biases) or self.kind == "range" or (self.kind == "range-bearing" and not self.profile)
 
     def numbers(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """What a sighting of a further kind measured, and the upper triangle of its covariance: as `measured` takes them."""

@@ -8,7 +8,7 @@ from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Relative
-from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import AXES, RANGE, STATES, Motion, Nuisance
 
 LIAR = "robot/r2"
 PLACES = {f"robot/r{k}": 10.0 * np.array([math.cos(k), math.sin(k)]) for k in range(6)}
@@ -17,9 +17,10 @@ FIX = 3.0  # the sigma of what each robot is told of its place in each tick
 
 
 def says(robot: str, tick: int, relatives: tuple[Relative, ...] = ()) -> Evidence:
-    """A robot that stands, entered near to where it is, and is told its place without an error in each tick."""
+    """A robot that stands, entered near to where it is, and is told its place without an error in each tick. Its ranges have no scale."""
     mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
     mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
     belief = Moments(mean, np.diag([SPREAD, SPREAD, *[1e-4] * (STATES - 2)]))
+    belief.covariance[RANGE, RANGE] = 0.0
     increment = Increment(mean, information, np.zeros(STATES)) if tick else None
     return Evidence(robot, 0, tick, Motion(), Nuisance(), belief if not tick else None, increment, relatives)

@@ -16,7 +16,7 @@ from blackboard.opinion.gaussian.joint import Factor, Moments
 from blackboard.opinion.gaussian.relation import Bias, Kind, Relative, measured
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import AXES, RANGE, STATES, Motion, Nuisance
 from blackboard.opinion.grid import Array
 
 LIAR, BEGIN, END, DT = "robot/r2", 5, 40, 0.2
@@ -42,10 +42,14 @@ def sightings_of(
 
 
 def says(robot: str, tick: int, relatives: tuple[Relative, ...] = (), *, moving: bool = True) -> Evidence:
-    """A robot that comes back in each tick, entered near to where it is, and is told its place without an error."""
+    """A robot that comes back in each tick, entered near to where it is, and is told its place without an error.
+
+    Its ranges have no scale.
+    """
     mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
     mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
     belief = Moments(mean, np.diag([0.3, 0.3, *[1e-4] * (STATES - 2)]))
+    belief.covariance[RANGE, RANGE] = 0.0
     increment = Increment(mean, information, np.zeros(STATES)) if tick else None
     motion = Motion(along=0.01 * tick, across=0.01 * tick, heading=1e-4 * tick, dt=DT * tick, moving=DT * tick * moving)
     return Evidence(robot, 0, tick, motion, Nuisance(), belief if not tick else None, increment, relatives, DT * tick)
