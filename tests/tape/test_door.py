@@ -25,7 +25,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "8662e5fa738c97ce4c81bec1bf0087196248d33a435c0250a00758b77baed738"
+HASH = "a75d4a805ab6123498343cbc2c0bd6b8e301c9830326504f143e8e634b6cfc11"
 
 
 def as_json(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:
