@@ -37,6 +37,7 @@ log = logging.getLogger(__name__)
 
 #: Wheels that were not described: errors of some percent of way and turn that last, as of calibrated wheeled robots (Borenstein
 #: and Feng, IEEE Trans. Robotics and Automation 12(6), 1996), and fresh ones that grow with both. Floors differ more than wheels.
+#: Ranges of calibrated cameras and radios are taken to have errors of the same size that last.
 #: Fresh errors across the way are as large as along it: it may skid.
 UNKNOWN_WHEELS = Wheels(
     Nuisance(sigmas=(0.05, 0.05, 0.003, 0.0, 0.0, 0.05), walks=(0.003, 0.003, 0.0001)),

@@ -146,7 +146,7 @@ class Camera:
         """A sighting as a relative belief; `turned` is the turn of the tick, or its change if that is larger.
 
         `alike` is how many of its group were seen in the tick. A sigma that the sighting comes with stands for all errors of
-        its range, or of its bearing.
+        its range but a scale, or of its bearing.
         """
         share = min(1.0, sighting.age / dt) if dt > 0 else 0.0
         inside = min(1.0, 4.0 * share * max(0.05, 1.0 - share))  # where the tick's heading is known least: halfway
