@@ -19,7 +19,7 @@ def test_robots_that_step_twice_a_second_know_how_exact_they_are() -> None:
 
 
 def test_ranges_that_are_all_too_long_by_a_tenth_are_found_to_be() -> None:
-    """With a sigma, which was taken for all errors of a range, robots were 4.2 times as far off as one filter at .15."""
+    """The sigma that a range came with was taken for all of its errors: 15 % too long, robots were 4.2 times as far off as one filter."""
     scores, team, central = Grounds(Ground(9802), longer=1.1).play(60.0), Score(), Score()
     for robot in ("r1", "r2", "r3"):
         team.take(scores["team"][robot])
