@@ -88,7 +88,7 @@ class Wheels:
         turn -= self.lag * change
         turn += self.drift * told.dt if moving else 0.0
         across = self.across**2 * time if told.distance_sigma is None else 0.0
-        if told.curved is None:  # the odometry does not say during which part of the step the robot turned
+        if told.curved is None:  # when within the step the robot turned is unknown, and so is the direction of its way
             across += (self.bends * change * told.dt * told.distance) ** 2
         if told.aside:  # the noise of a way to the side is that of the same way ahead
             fresh = along + self.way**2 * abs(told.aside) if told.distance_sigma is None else told.distance_sigma**2

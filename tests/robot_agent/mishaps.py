@@ -37,7 +37,7 @@ class Course:
 
 
 def readings(tick: int, way: float, turn: float, sightings: list[Sighting]) -> Readings:
-    """What r1 measures in a tick of a second; in the first one it is told that it starts at the origin."""
+    """What r1 measures in a tick of one second. In the first tick that is a fix at the origin, and no odometry."""
     told: dict[str, Any] = {"odometry": Odometry(distance=way, turn=turn, dt=1.0)}
     if not tick:
         told = {"fix": Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)}

@@ -76,7 +76,7 @@ def test_landmarks_that_stand_apart_tell_as_much_as_with_their_names() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_of_a_group_they_tell_less_than_with_names_and_nothing_false(seed: int) -> None:
-    """The camera's noise is told, and ranges have no scale, because what is found of them differs between the two."""
+    """Noise and scale of the ranges are known: their estimates would differ between sightings with and without names."""
     robot, pose = driven(GROUP, False, seed=seed, with_sigmas=True)
     without, with_names = believed(robot), believed(driven(GROUP, True, seed=seed, with_sigmas=True)[0])
     apart = without.mean - pose[:2]

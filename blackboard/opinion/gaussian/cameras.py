@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 from blackboard.opinion.gaussian.relation import Bias, Relative
 
-#: What a mate tells of its camera is clipped to so many sigmas around the prior mean. Other robots cannot verify it.
+#: The estimate that another robot sends of its camera's noise is clipped to the prior mean +- this many sigmas, because nobody else
+#: can verify it.
 MOST = 1.0
 TINY = 1e-3  # the least sigma that is believed, and the least precision that counts
 #: Mean and sigma of the binary logarithm of a factor. Its prior is 0 and 1.

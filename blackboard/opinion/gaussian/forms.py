@@ -34,11 +34,11 @@ class Form:
 def form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, heading: Array) -> Form:
     """Polar, which is range and bearing times the distance, along and across the line of sight; or the place in the observer's frame.
 
-    The polar form is exact in the heading, the Cartesian one in the positions. The first has the second-order terms of the place's
-    error (`_curved`). What is left of it grows with the positions' variance over the distance, the error of the second with the
-    heading's variance times the distance; a seventh of the distance does no harm to the first. A heading without error leaves the
-    second exact. An error that is Gaussian in x and y makes every range of the first too long, so it is borne up to the heading's
-    alone.
+    The polar form is exact in the heading, the Cartesian one in the positions. The error of the first grows with the positions'
+    variance over the distance, and its second-order terms are taken in (`_second_order`). It is used while the sigma of a place along
+    each axis is below a seventh of the distance, or more where the heading is unsure. The error of the second grows with the
+    heading's variance times the distance. A heading without error leaves it exact. An error that is Gaussian in x and y makes every
+    range of the first too long, so it is borne up to the heading's alone.
     """
     places, exact = its[0].places, bool(its[0].spread)
     ranges, bearings = np.array([(sighting.range, sighting.bearing) for sighting in its]).T
@@ -76,17 +76,17 @@ def form(its: Sequence[Relative], away: Array, camera: Array, spread: Array, hea
         along_axes = np.array([radial, np.where(polar, far, ranges) ** 2 * angular]).T
         noise = axes.swapaxes(1, 2) @ (along_axes[:, :, np.newaxis] * axes)
     if polar.any():
-        shift, curved = _curved(by_place[polar], spread[polar], far[polar])
-        residual[polar] -= shift
-        noise[polar, AXES, AXES] += curved
+        more, unsure = _second_order(by_place[polar], spread[polar], far[polar])
+        residual[polar] -= more
+        noise[polar, AXES, AXES] += unsure
     return Form(residual, by_place, by_camera, by_range, noise, far, larger)
 
 
-def _curved(by_place: Array, spread: Array, distance: Array) -> tuple[Array, Array]:
-    """What the error of a place adds to a range and to a bearing times the distance, which a straight line misses.
+def _second_order(by_place: Array, spread: Array, distance: Array) -> tuple[Array, Array]:
+    """The second-order terms of a range, and of a bearing times the distance, in the error of a place.
 
-    Mean, shape (k, 2), and covariance, shape (k, 2, 2), of the second-order terms (Athans, Wishner, Bertolini, IEEE TAC 13(5), 1968).
-    Without them every range is a little longer than expected, and where ranges have a scale, the map shrinks.
+    Their mean, shape (k, 2), and covariance, shape (k, 2, 2) (Athans, Wishner, Bertolini, IEEE TAC 13(5), 1968). Without them ranges
+    are longer in the mean than expected. Where their scale is estimated, the whole map then becomes too small.
     """
     local = by_place @ spread @ by_place.swapaxes(1, 2)
     along, tie, across = local[:, 0, 0], local[:, 0, 1], local[:, 1, 1]

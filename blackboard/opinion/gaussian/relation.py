@@ -71,8 +71,9 @@ class Relative:
 
     @property
     def is_scaled(self) -> bool:
-        """Whether the observer's range scale stretches it. A profile holds all errors of a sighting, and so does the covariance of a
-        position that has no lasting ones.
+        """Whether it depends on the observer's range scale.
+
+        A profile covers a wrong scale, too. So does the covariance of a position or a pose without lasting errors.
         """
         return bool(self.biases) or self.kind == "range" or (self.kind == "range-bearing" and not self.profile)
 

@@ -30,9 +30,8 @@ LOST = -20.0  # log likelihood by the best one's: a member that is less likely b
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.
 ROLLS, WALKS = (3.0, 0.0)
 SUREST = 10.0  # nats: the most that is held for or against, so that an object that begins to roll is soon found to
-UNLIKELY = 0.5 * quantile(
-    GATE, 2
-)  # nats: a sighting that is so much less likely than one at the expected place counts as a misread
+#: nats: a sighting that is so much less likely than one at the expected place counts as a misread.
+UNLIKELY = 0.5 * quantile(GATE, 2)
 Model = Literal["learn", "walk", "roll"]  # of an object: which of the two its sightings show, or one of them for good
 
 
@@ -142,9 +141,8 @@ class Walks(Copyable):
     """Mutable. `drift` of an object is in units / sqrt(s)."""
 
     _motions: dict[str, _Motion] = field(default_factory=dict)
-    _kicked: dict[str, _Motion] = field(
-        default_factory=dict
-    )  # the motion if the last sighting, which counts as a misread, was right
+    #: Object -> its motion if its last sighting, which counts as a misread, was right.
+    _kicked: dict[str, _Motion] = field(default_factory=dict)
     _habits: dict[str, Habits] = field(default_factory=dict)  # of things without a name, by class
 
     def drift(self, subject: str, prior: float) -> float:

@@ -17,7 +17,10 @@ FIX = 3.0  # the sigma of what each robot is told of its place in each tick
 
 
 def says(robot: str, tick: int, relatives: tuple[Relative, ...] = ()) -> Evidence:
-    """A robot that stands, entered near to where it is, and is told its place without an error in each tick. Its ranges have no scale."""
+    """Evidence of a robot that stands: an initial belief near the true place, then an exact fix in each tick.
+
+    Its range scale is known to be 1.
+    """
     mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
     mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
     belief = Moments(mean, np.diag([SPREAD, SPREAD, *[1e-4] * (STATES - 2)]))

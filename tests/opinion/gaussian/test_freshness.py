@@ -42,9 +42,9 @@ def sightings_of(
 
 
 def says(robot: str, tick: int, relatives: tuple[Relative, ...] = (), *, moving: bool = True) -> Evidence:
-    """A robot that comes back in each tick, entered near to where it is, and is told its place without an error.
+    """Evidence of a robot that returns to the same place in each tick: an initial belief near it, then an exact fix in each tick.
 
-    Its ranges have no scale.
+    Its range scale is known to be 1.
     """
     mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
     mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
