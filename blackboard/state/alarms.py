@@ -57,6 +57,10 @@ class Alarms:
         if known is not None and known.until is None:
             self._kept[what, who] = replace(known, until=now)
 
+    def drop(self, what: str, who: str) -> None:
+        """There was none of this kind about a process or subject."""
+        self._kept.pop((what, who), None)
+
     def raise_all(self, alarms: Mapping[tuple[str, str], str], now: float) -> None:
         """All that a settled tick shows: kind and name -> text. What was not found for QUIET seconds is over."""
         for (what, who), text in alarms.items():

@@ -185,6 +185,8 @@ class TeamFold:
         elif clock.tick < self.clock.tick:
             return
         self.clock = clock
+        if clock.end:
+            self.alarms.drop("gone", WORLD[1])  # its token went by another way, and may be here first
         self._process(*WORLD).finished(clock.tick, clock.time, now)
 
     def _see(self, observer: str, subjects: Iterable[str]) -> None:

@@ -22,6 +22,8 @@ UNNAMED = {
     "ambiguous": "unnamed_ambiguous",
     "strange": "unnamed_strange",
 }
+#: By what a team goes, in words.
+MODES = {"lockstep": "lockstep", "realtime": "real time", "free": "no world"}
 #: What falls away first where a terminal is narrow: of the processes, and of the subjects.
 PROCESSES_FALL = ("skipped", "late", "dropped", "kind", "ticks/s", "sub-team", "heard", "refused")
 SUBJECTS_FALL = ("rule", "sources", "95 % area", "entropy")
@@ -190,7 +192,7 @@ def team_line(team: Table) -> str:
         if team["tick"] is None
         else f"tick {team['tick']}, {team['time']:.1f} s, {team['age']:.1f} s ago"
     )
-    return f"team {team['team']}: {team['mode']}, {tick}, {team['settlements']:.1f} settled/s"
+    return f"team {team['team']}: {MODES[team['mode']]}, {tick}, {team['settlements']:.1f} ticks/s"
 
 
 def unnamed_lines(team: Table, width: int | None) -> list[str]:

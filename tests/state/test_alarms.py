@@ -55,13 +55,18 @@ def test_a_robot_that_goes_and_comes_back_is_told_for_a_minute() -> None:
     assert not any("r1 is gone" in line for line in alarm_lines(team_summary(fold.teams["t"], 1_000_200.0)))
 
 
-def test_the_world_at_the_end_of_its_run_is_no_alarm() -> None:
+@pytest.mark.parametrize("token_first", [False, True])
+def test_the_world_at_the_end_of_its_run_is_no_alarm(token_first: bool) -> None:
     fold, world = Fold(), keys.WORLD.key(team="t")
     fold.hear_envelope(Envelope(world, kind=Kind.ALIVE), 1.0)
-    clock = Clock(run="x", tick=3, time=1.0, mode="realtime", end=True)
+    clock = Clock(run="x", tick=3, time=1.0, mode="realtime")
     fold.hear_envelope(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 2.0)
-    fold.hear_envelope(Envelope(world, kind=Kind.GONE), 3.0)
+    last = Envelope(keys.CLOCK.key(team="t"), encode(clock.model_copy(update={"end": True})))
+    gone = Envelope(world, kind=Kind.GONE)
+    for envelope in (gone, last) if token_first else (last, gone):
+        fold.hear_envelope(envelope, 3.0)
     assert fold.teams["t"].alarms.all() == []
+    assert text(summary(fold, 3.0)).startswith("team t: no world, ")
 
 
 def test_a_robot_that_went_before_anybody_looked_is_known_by_its_board() -> None:
