@@ -2,7 +2,7 @@
 
 The scorecard has sums only. What depends on time is computed from samples: when a robot found itself, how it did without
 landmarks, how correlated the misses are. They are those that a referee judged (a series), or those on a tape. Floats are
-written so that reading gives them back exactly. docs/scorecard.md says what each column of a series is.
+written so that reading gives them back exactly. docs/fields.md says what each column of a series is.
 """
 
 from __future__ import annotations

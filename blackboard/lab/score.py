@@ -51,7 +51,7 @@ def score(
         Keep the samples and scorecards of the runs in this folder. Without --mrclam, judge the runs that are there.
     table
         Also write every sample of every run, by protocol, way, tick, subject and level: .csv, .jsonl or .parquet
-        (docs/scorecard.md).
+        (docs/fields.md).
     summary
         Also write what is shown into this file: Markdown, or CSV if its name ends in .csv.
     pictures

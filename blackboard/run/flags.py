@@ -139,7 +139,7 @@ class RunFlags(LengthFlags):
     realtime: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Pace by the wall clock instead of waiting for everybody."
     table: Annotated[Path | None, Parameter(name=["--table", "--series"])] = None
-    "Also write every sample that the referee judges, by tick, subject, level and robot: .csv, .jsonl or .parquet (docs/scorecard.md)."
+    "Also write every sample that the referee judges, by tick, subject, level and robot: .csv, .jsonl or .parquet (docs/fields.md)."
     no_faults: Annotated[bool, Parameter(negative="", show_default=False)] = False
     "Let nothing be wrong with the robots under a [[fault]], and score them apart all the same, to compare with."
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.state.moments import Moment
 from blackboard.wire.messages import Consensus
 
@@ -85,6 +86,11 @@ class Alarms:
         assert len(self._kept) <= MAX_ALARMS
 
 
+def named(source: str) -> str:
+    """A source that was ignored, in a sentence; it may be what the joint itself predicted."""
+    return "the prediction" if source == PREDICTION else source
+
+
 def of_robot(name: str, settings: Mapping[str, object]) -> dict[tuple[str, str], str]:
     """The alarms that a robot raises itself, by the settings of its status, which is data: anything may be in it."""
     stuck, alarms = settings.get("stuck"), dict[tuple[str, str], str]()
@@ -114,7 +120,7 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
             text = f"{one.source} keeps disagreeing about {subject}, by {one.sigmas:.1f} sigmas"
             shown[subject, one.source] = alarms["liar", one.source] = text
         for out in consensus.left_out:
-            shown[subject, out.source] = f"{out.source} was ignored about {subject}: {out.reason}"
+            shown[subject, out.source] = f"{named(out.source)} was ignored about {subject}: {out.reason}"
         if text := _lost(consensus, cells):
             alarms["lost", subject] = text
         for learned in consensus.learned:

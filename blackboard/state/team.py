@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from blackboard.errors import Refused
 from blackboard.opinion.grid import Anchor, Grid
 from blackboard.process.bounded import put
-from blackboard.state.alarms import QUIET, Alarms, of_robot, shown_by
+from blackboard.state.alarms import QUIET, Alarms, named, of_robot, shown_by
 from blackboard.state.moments import MAX_BYTES, About, Moment, Point, Timeline
 from blackboard.state.processes import MAX_PROCESSES, SILENT, Process
 from blackboard.state.received import Received
@@ -348,5 +348,5 @@ class TeamFold:
         for (subject, source), last in list(self._noticed.items()):
             if moment.time - last > QUIET:
                 del self._noticed[subject, source]
-                text = f"{source} counts again about {subject}" if source else f"no conflict about {subject} any more"
+                text = f"{named(source)} counts again about {subject}" if source else f"no conflict about {subject} any more"
                 self._note("back in" if source else "agreement", subject, text, now)

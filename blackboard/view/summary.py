@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from blackboard.process.columns import cell, columns, shortened
-from blackboard.state.alarms import LIKELY_LOST, Alarm
+from blackboard.state.alarms import LIKELY_LOST, Alarm, named
 from blackboard.state.fold import Fold
 from blackboard.state.moments import About, Moment
 from blackboard.state.processes import SILENT, Process
@@ -263,7 +263,7 @@ def _trouble(one: Table) -> str:
     for sighting in one["unclear"]:
         odds[sighting["source"]] = max(sighting["probability"], odds.get(sighting["source"], 0.0))
     unclear = [f"{source} may have seen it ({100 * p:.0f} %)" for source, p in odds.items() if p >= LITTLE]
-    left_out = [f"{out['source']} was ignored: {out['reason']}" for out in one["left_out"]]
+    left_out = [f"{named(out['source'])} was ignored: {out['reason']}" for out in one["left_out"]]
     dissent = [f"{source} keeps disagreeing" for source in one["dissent"]]
     camps = " against ".join(",".join(camp) for camp in one["camps"])
     return "; ".join([f"conflict {camps}".rstrip()] * one["conflict"] + track + unclear + lost + left_out + dissent)

@@ -7,7 +7,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from blackboard.state.alarms import LIKELY_LOST
+from blackboard.opinion.gaussian.coalitions import PREDICTION
+from blackboard.state.alarms import LIKELY_LOST, named
 from blackboard.view.why import JOINT
 
 Table = dict[str, Any]
@@ -37,7 +38,7 @@ def _answer(level: Table, told: Table) -> str:
     """The question answered in one sentence: where, how surely, and by whom."""
     if level["mean"] is None:
         return f"What is believed about {told['subject']} cannot be read."
-    ignored = [out["source"] for out in level["left_out"]]
+    ignored = [named(out["source"]) for out in level["left_out"]]
     but = f"; {_and(ignored)} {'was' if len(ignored) == 1 else 'were'} ignored" if ignored else ""
     return f"{told['subject']} is believed to be {_place(level, told['unit'])}, because {_because(level)}{but}."
 
@@ -126,13 +127,13 @@ def _who(level: Table, told: Table) -> list[str]:
 
 
 def _whose(source: str) -> str:
-    return "The prediction" if source == "prediction" else f"What {source} said"
+    return "The prediction" if source == PREDICTION else f"What {source} said"
 
 
 def _joint(level: Table) -> list[str]:
     lines = []
     if level["sources"]:
-        each = ", ".join(f"{source['source']} ({source['entropy']:.2f} nats by itself)" for source in level["sources"])
+        each = ", ".join(f"{source['source']} (entropy {source['entropy']:.2f} nats by itself)" for source in level["sources"])
         lines.append(f"New in this tick is what they said: {each}.")
     if level["existence"] is not None:
         lines.append(

@@ -12,7 +12,7 @@ from blackboard.view.summary import alarm_lines, summary, team_summary, text
 from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Clock, Consensus, Dissent, Refusal, Status
+from blackboard.wire.messages import Clock, Consensus, Dissent, LeftOut, Refusal, Status
 from tests.view.recorded import folded, recorded
 
 CONSENSUS = next(decode(Consensus, e.payload) for e, _ in recorded() if e.kind is Kind.PUT and "/agreed/" in e.key)
@@ -111,6 +111,12 @@ def test_what_flaps_is_told_once() -> None:
         for message in (calm, said):
             team.hear_message({"sub_team": calm.sub_team}, message, 1, 0.5 * n)
     assert [event.what for event in team.events] == ["conflict", "agreement"]
+
+
+def test_a_prediction_that_is_ignored_is_no_robot_of_that_name() -> None:
+    team = settled(1, conflict=False, left_out=[LeftOut(source="prediction", reason="too far off")])
+    (event,) = team.events
+    assert event.text == f"the prediction was ignored about {CONSENSUS.subject}: too far off"
 
 
 def test_who_may_be_anywhere_is_lost_and_who_keeps_disagreeing_a_liar() -> None:
