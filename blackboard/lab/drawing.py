@@ -142,6 +142,12 @@ def _line(axis: Any, rule: str, x: Any, y: Any, every: int | None = 1, label: st
     axis.plot(x, y, color=colour, ls=style, ms=4, lw=1.6, label=name + label, **marked)
 
 
+def _interval(axis: Any, rule: str, x: Any, values: Mapping[str, Any], metric: str) -> None:
+    low, high = (values[f"{metric}_{end}"] for end in ("low", "high"))
+    if None not in low:
+        axis.fill_between(x, low, high, color=LINES[rule][1], alpha=0.15, lw=0)
+
+
 def _beliefs(data: Mapping[str, Any]) -> Figure:
     """Opinions on a line (grey, each with its name) and what each rule makes of them."""
     figure, ((*axes,),) = _figure(1, len(data["cases"]), data["title"])
@@ -199,13 +205,14 @@ METRICS = {
 
 
 def _over_time(data: Mapping[str, Any]) -> Figure:
-    """Fig. 6: each metric over time for each grid."""
+    """Fig. 6: each metric over time for each grid, with its 95 % interval over the runs where there are enough."""
     figure, axes = _figure(len(METRICS), len(data["grids"]), data["title"])
     every = max(1, len(data["time"]) // 10)
     for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
         for axis, (metric, label) in zip(column, METRICS.items(), strict=True):
             for rule, values in by_rule.items():
                 _line(axis, rule, data["time"], values[metric], every)
+                _interval(axis, rule, data["time"], values, metric)
             axis.set_ylabel(label)
         _finish(column, size, by_rule, "time [s]")
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=1 + axes.shape[1], fontsize=8)
@@ -213,16 +220,14 @@ def _over_time(data: Mapping[str, Any]) -> Figure:
 
 
 def _over_size(data: Mapping[str, Any]) -> Figure:
-    """Fig. 7: each metric over the size of the team for each grid, with its 95 % interval over the seeds where there are enough."""
+    """Fig. 7: each metric over the size of the team for each grid, with its 95 % interval over the runs where there are enough."""
     metrics = {"ratio": "entropy / original entropy", **{m: METRICS[m] for m in METRICS if m != "entropy"}}
     figure, axes = _figure(len(metrics), len(data["grids"]), data["title"])
     for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
         for axis, (metric, label) in zip(column, metrics.items(), strict=True):
             for rule, values in by_rule.items():
                 _line(axis, rule, data["robots"], values[metric])
-                low, high = (values[f"{metric}_{end}"] for end in ("low", "high"))
-                if None not in low:
-                    axis.fill_between(data["robots"], low, high, color=LINES[rule][1], alpha=0.15, lw=0)
+                _interval(axis, rule, data["robots"], values, metric)
             axis.set_ylabel(label)
         _finish(column, size, by_rule, "robots that cooperate")
         for axis in column:

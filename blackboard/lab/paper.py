@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from blackboard.config import Scenario
-from blackboard.judge.intervals import FEWEST, means
+from blackboard.judge.intervals import FEWEST, Estimate, means, over_runs, resamples
 from blackboard.lab.comparison import DEFAULT, PAPER
 from blackboard.lab.team_size import TeamSizeScores
 from blackboard.opinion.averages import linear_pool, logarithmic_pool
@@ -99,7 +99,8 @@ def in_the_world(runs: Mapping[int, Sequence[FigureScores]], rng: np.random.Gene
     over_size = {
         n: {name: _together([run.over_size[name] for run in some]) for name in names} for n, some in runs.items()
     }
-    return {"fig6": fig6(over_time), "fig7": fig7(over_size, rng)}
+    seven = fig7(over_size, rng)
+    return {"fig6": fig6(over_time, rng), "fig7": seven}
 
 
 def _together(runs: Sequence[TeamSizeScores]) -> TeamSizeScores:
@@ -194,33 +195,48 @@ def _case(
 # --- in the simulated world -----------------------------------------------------------------------------------------------
 
 
-def fig6(grids: Mapping[int, Mapping[str, TeamSizeScores]]) -> dict[str, Any]:
+def fig6(grids: Mapping[int, Mapping[str, TeamSizeScores]], rng: np.random.Generator) -> dict[str, Any]:
     """Over time: what a robot believes alone and what the whole team does, mean over robots, subjects and runs.
 
     All robots get their fix at the same instants, so the beliefs are a saw-tooth, which only every tick shows as it is.
-    `means` are those over time.
+    `means` are those over time. low and high as in Fig. 7.
     """
-    time = sorted(set(next(iter(grids[min(grids)].values())).time))
+    first = next(iter(grids[min(grids)].values()))
+    time = sorted(set(first.time))
     by_grid: dict[str, Any] = {}
+    over_time: dict[str, Any] = {}
     for size, by_rule in grids.items():
-        first = next(iter(by_rule.values()))
-        by_grid[str(size)] = {"alone": _at_times(first, time, 0)}
-        by_grid[str(size)] |= {rule: _at_times(scores, time, -1) for rule, scores in by_rule.items()}
-    over_time = {
-        size: {
-            rule: {metric: float(np.mean(values)) for metric, values in of_rule.items()} for rule, of_rule in by.items()
+        shown = [("alone", next(iter(by_rule.values())), 0), *((rule, scores, -1) for rule, scores in by_rule.items())]
+        estimates = {name: _at_times(scores, time, column, rng) for name, scores, column in shown}
+        by_grid[str(size)] = {
+            name: {key: row[:-1] for key, row in of_rule.items()} for name, of_rule in estimates.items()
         }
-        for size, by in by_grid.items()
-    }
-    runs = len(set(next(iter(grids[min(grids)].values())).run))
-    title = f"Fig. 6: one robot's belief and that of all, {runs} run{'s' * (runs > 1)} ({PARAMETERS})"
+        over_time[str(size)] = {
+            name: {key: row[-1] for key, row in of_rule.items()} for name, of_rule in estimates.items()
+        }
+    title = f"Fig. 6: one robot's belief and that of all, {_runs(first)} ({PARAMETERS})"
     return {"title": title, "time": time, "grids": by_grid, "means": over_time}
 
 
-def _at_times(scores: TeamSizeScores, time: Sequence[float], size: int) -> dict[str, list[float]]:
-    """The means at each instant; size is an index: 0 the robot alone (a pool of one is that opinion), -1 the whole team."""
-    at = [np.flatnonzero(np.equal(scores.time, t)) for t in time]
-    return {metric: [float(values[rows, size].mean()) for rows in at] for metric, values in _metrics(scores).items()}
+def _at_times(
+    scores: TeamSizeScores, time: Sequence[float], size: int, rng: np.random.Generator
+) -> dict[str, list[float | None]]:
+    """The mean at each instant, then that over time, with intervals.
+
+    size is an index: 0 the robot alone (a pool of one is that opinion), -1 the whole team.
+    """
+    runs, of_run = np.unique(scores.run, return_inverse=True)
+    rows = (of_run, np.searchsorted(time, scores.time))
+    picks, counts = resamples(len(runs), rng), np.zeros((len(runs), len(time)))
+    np.add.at(counts, rows, 1.0)
+    told: dict[str, list[float | None]] = {}
+    for metric, values in _metrics(scores).items():
+        sums = np.zeros_like(counts)
+        np.add.at(sums, rows, values[:, size])
+        means, drawn = sums.sum(axis=0) / counts.sum(axis=0), (picks @ sums) / (picks @ counts)
+        both = (np.append(means, means.mean()), np.column_stack([drawn, drawn.mean(axis=1)]))
+        told |= _named(metric, over_runs(*both, len(runs)))
+    return told
 
 
 def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]], rng: np.random.Generator) -> dict[str, Any]:
@@ -241,21 +257,32 @@ def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]], rng: np.random.Gener
         }
     any_scores = next(iter(next(iter(grids.values())).values()))
     robots = list(range(1, len(any_scores.entropies[0]) + 1))
-    seeds = len(set(any_scores.run))
-    shown = f"{seeds} runs, 95 % intervals" if seeds >= FEWEST else f"{seeds} run{'s' * (seeds > 1)}"
-    title = f"Fig. 7: cooperating robots, {shown} ({PARAMETERS})"
-    return {"title": title, "robots": robots, "seeds": seeds, "grids": by_grid}
+    title = f"Fig. 7: cooperating robots, {_runs(any_scores)} ({PARAMETERS})"
+    return {"title": title, "robots": robots, "seeds": len(set(any_scores.run)), "grids": by_grid}
+
+
+def _runs(scores: TeamSizeScores) -> str:
+    runs = len(set(scores.run))
+    return f"{runs} runs, 95 % intervals" if runs >= FEWEST else f"{runs} run{'s' * (runs > 1)}"
 
 
 def _by_size(scores: TeamSizeScores, rng: np.random.Generator) -> dict[str, list[float | None]]:
     by_size: dict[str, list[float | None]] = {}
     ratio = np.array(scores.entropies) / np.array(scores.original)[:, None]
     for metric, values in {"ratio": ratio, **_metrics(scores)}.items():
-        least, most = (0.0, 1.0) if metric.startswith("coverage") else (-np.inf, np.inf)
-        columns = means(scores.means(values), rng, least, most)
-        by_size[metric] = [e.value for e in columns]
-        by_size[f"{metric}_low"], by_size[f"{metric}_high"] = [e.low for e in columns], [e.high for e in columns]
+        by_size |= _named(metric, means(scores.means(values), rng))
     return by_size
+
+
+def _named(metric: str, estimates: Sequence[Estimate]) -> dict[str, list[float | None]]:
+    """Values by the name of their metric, and the ends of their intervals; a share ends at 0 and 1."""
+    least, most = (0.0, 1.0) if metric.startswith("coverage") else (-np.inf, np.inf)
+    within = [estimate.within(least, most) for estimate in estimates]
+    return {
+        metric: [e.value for e in within],
+        f"{metric}_low": [e.low for e in within],
+        f"{metric}_high": [e.high for e in within],
+    }
 
 
 def _metrics(scores: TeamSizeScores) -> dict[str, Array]:

@@ -348,5 +348,9 @@ class TeamFold:
         for (subject, source), last in list(self._noticed.items()):
             if moment.time - last > QUIET:
                 del self._noticed[subject, source]
-                text = f"{named(source)} counts again about {subject}" if source else f"no conflict about {subject} any more"
+                text = (
+                    f"{named(source)} counts again about {subject}"
+                    if source
+                    else f"no conflict about {subject} any more"
+                )
                 self._note("back in" if source else "agreement", subject, text, now)

@@ -133,7 +133,9 @@ def _whose(source: str) -> str:
 def _joint(level: Table) -> list[str]:
     lines = []
     if level["sources"]:
-        each = ", ".join(f"{source['source']} (entropy {source['entropy']:.2f} nats by itself)" for source in level["sources"])
+        each = ", ".join(
+            f"{source['source']} (entropy {source['entropy']:.2f} nats by itself)" for source in level["sources"]
+        )
         lines.append(f"New in this tick is what they said: {each}.")
     if level["existence"] is not None:
         lines.append(

@@ -78,6 +78,13 @@ def test_figures_6_and_7_are_means_over_what_was_scored() -> None:
     assert six["cooperative"]["entropy"][7] == pytest.approx(np.array(over_time.entropies)[at, -1].mean())
     assert six["alone"]["entropy"][7] == pytest.approx(np.array(over_time.original)[at].mean())
     assert told6["means"]["25"]["alone"]["entropy"] == pytest.approx(np.mean(six["alone"]["entropy"]))
+    at_8 = over_time.means(np.where(at[:, None], over_time.entropies, 0.0)) / over_time.means(at[:, None] * 1.0)
+    low, high = (six["cooperative"][f"entropy_{end}"][7] for end in ("low", "high"))
+    assert high - low == pytest.approx(2 * 3.182 * at_8[:, -1].std(ddof=1) / 2, rel=0.1)  # Student's t of four runs
+    for metric in ("log_score", "coverage_50", "coverage_95"):
+        ends = (six["coalition"][metric + end] for end in ("_low", "", "_high"))
+        assert all(low <= value <= high for low, value, high in zip(*ends, strict=True))
+    assert all(high <= 1.0 for high in six["coalition"]["coverage_95_high"])
     assert set(growth.time) == {4.0, 8.0, 12.0}
     seven = told7["grids"]["25"]["cooperative"]
     ratios = growth.means(np.array(growth.entropies) / np.array(growth.original)[:, None])
