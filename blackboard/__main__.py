@@ -3,6 +3,8 @@
 import sys
 from typing import Literal
 
+from cyclopts import Group
+
 from blackboard.run import door
 
 #: Module -> its commands, and what is said of each in `blackboard --help`.
@@ -48,16 +50,36 @@ COMMANDS = {
     },
 }
 
+#: What `blackboard --help` shows together, in this order.
+GROUPS = {
+    "Run a team": "demo up serve router share ros",
+    "Look at it": "status why view top health echo hz",
+    "Keep it, and ask what if": "record replay tape",
+    "Compare and measure": "sweep lab tune score calibrate figures chaos plan",
+    "Set up": "scenario keys completion",
+}
+GROUP_OF = {
+    command: group
+    for n, (title, names) in enumerate(GROUPS.items())
+    for group in [Group(title, sort_key=n)]
+    for command in names.split()
+}
+
 app = door.new_app(
     "blackboard", "A distributed blackboard for robot teams: beliefs fused with the Cooperative Opinion Pool."
 )
 for module, commands in COMMANDS.items():
     for command, about in commands.items():
-        app.command(f"{module}:{command}", name=command, help=about)
-app.command("blackboard.run.keys:app", name="keys", help="Make and revoke the certificates that shut a team's door.")
+        app.command(f"{module}:{command}", name=command, help=about, group=GROUP_OF[command])
+app.command(
+    "blackboard.run.keys:app",
+    name="keys",
+    help="Make and revoke the certificates that shut a team's door.",
+    group=GROUP_OF["keys"],
+)
 
 
-@app.command
+@app.command(group=GROUP_OF["completion"])
 def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
     """Print what completes the commands and flags of `blackboard` in a shell, as `source <(blackboard completion bash)`."""
     sys.stdout.write(app.generate_completion(prog_name="blackboard", shell=shell))

@@ -78,7 +78,7 @@ class Taped:
         if when is None:
             return newest
         if chosen is None or (when.seconds is not None and not when.is_reached(newest)):
-            last_one = f"the last one is {newest.tick} ({newest.time:.1f} s)"
+            last_one = f"the last tick is {newest.tick} ({newest.time:.1f} s)"
             raise RunFailed(f"{self.file}: {when} was not settled; {last_one}")
         return chosen
 

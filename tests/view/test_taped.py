@@ -84,8 +84,8 @@ def test_status_of_a_tape_is_how_it_ends(capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["why", "robot/r1", GOLDEN, "--at", "99"], "tick 99 was not settled; the last one is 15"),
-        (["why", "robot/r1", GOLDEN, "--at", "99s"], "second 99 was not settled; the last one is 15"),
+        (["why", "robot/r1", GOLDEN, "--at", "99"], "tick 99 was not settled; the last tick is 15"),
+        (["why", "robot/r1", GOLDEN, "--at", "99s"], "second 99 was not settled; the last tick is 15"),
         (["why", "robot/r9", GOLDEN], "no board has a belief about it in tick 15"),
         (["why", "robot/r1", GOLDEN, "--team", "other"], "team other has settled nothing; there is demo"),
         (["why", "robot/r1", GOLDEN, "-e", "tcp/127.0.0.1:1"], "without a network"),
