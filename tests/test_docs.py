@@ -26,6 +26,7 @@ APPS: dict[str, App] = {
     "robot-agent": robot_agent.__main__.app,
     "sim-world": sim_world.__main__.app,
 }
+OURS = ("blackboard", "robot_agent", "sim_world", "tests", "examples", "benchmarks")
 COMMAND = re.compile(
     r"^    (?:[a-z][\w-]*\$ +)?(?:\.venv/bin/)?((?:blackboard|robot-agent|sim-world) .+)$", re.MULTILINE
 )
@@ -70,6 +71,14 @@ def test_a_module_with_a_table_prints_it(module: str) -> None:
     done = subprocess.run([sys.executable, "-m", name], capture_output=True, text=True, check=True)
     assert done.stdout.rstrip() == import_module(name).text().rstrip()
     assert name in (ROOT / "docs" / "conf.py").read_text(encoding="utf-8")
+
+
+def test_every_file_that_a_page_names_is_there() -> None:
+    """Of Python, as `tests/files.py`, `board/lead.py` or `limits.py`."""
+    known = [f"/{file.relative_to(ROOT)}" for part in OURS for file in (ROOT / part).glob("**/*.py")]
+    named = {name for page in PAGES for name in re.findall(r"`([\w/]+\.py)\b", page.read_text(encoding="utf-8"))}
+    assert len(named) > 30
+    assert [name for name in sorted(named) if not any(file.endswith(f"/{name}") for file in known)] == []
 
 
 def anchors(page: Path) -> set[str]:

@@ -9,7 +9,8 @@ from tests.snippets import BLOCK, pages
 GENERATED = ("messages.md", "scenario.md")
 PAGES = sorted(set(pages()) - set(GENERATED))
 #: Notes of what was measured: tables of numbers, with long sentences between them.
-PLAIN = [name for name in PAGES if not name.startswith("notes/")]
+NOTES = [name for name in PAGES if name.startswith("notes/")]
+PLAIN = sorted(set(PAGES) - set(NOTES))
 MOST_WORDS = 1500  # of a page
 TOGETHER = 25_000  # words of all pages without the notes and what is made from code
 MOST, MEAN = 25, 14  # words of a sentence
@@ -44,6 +45,11 @@ def test_a_page_is_read_in_minutes(page: str) -> None:
 
 def test_all_pages_together_are_read_in_an_afternoon() -> None:
     assert sum(len(pages()[page].split()) for page in PLAIN if page != "api.md") <= TOGETHER
+
+
+@pytest.mark.parametrize("page", sorted(set(NOTES) - {"notes/mutants.md"}))
+def test_a_note_says_that_its_numbers_are_not_made_again(page: str) -> None:
+    assert "of their day" in " ".join(pages()[page].split())
 
 
 def test_the_readme_fits_a_screen_or_two() -> None:

@@ -18,6 +18,7 @@ class NotRun:
 
 
 NEWCOMER = "tests/long/test_newcomer.py"
+RECORDED = "tests/long/test_recorded.py"
 MAINTAINER = "tests/long/test_maintainer.py"
 CLIENT = "tests/system/test_client_page.py::test_every_line_of_the_page_does_what_it_says"
 ROBOTS = "tests/system/test_client_page.py::test_every_line_of_the_page_does_what_it_says"
@@ -55,8 +56,8 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
     ),
     "api.md": ((".. automodule::", SITE), (".. autoclass::", SITE), *[(".. automodule::", SITE)] * 4),
     "calibrate.md": (
-        ("blackboard calibrate", NotRun("a recording; tests/calibrate/test_door.py runs it on another part of it")),
-        ("r1 ", NotRun("what the command prints; tests/calibrate/test_door.py")),
+        ("blackboard calibrate", f"{RECORDED}::test_what_calibrate_finds_is_what_its_page_shows"),
+        ("r1 ", f"{RECORDED}::test_what_calibrate_finds_is_what_its_page_shows"),
     ),
     "client.md": (
         ("blackboard router", CLIENT),
@@ -97,11 +98,11 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
     "notes/mutants.md": (("make mutants", MINUTES),),
     "paper.md": (("blackboard figures", MINUTES_OF_LAB), ("sum over q", DRAWING)),
     "real-robots.md": (
-        ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
+        ("blackboard score", NotRun("half an hour, and a recording; tests/lab/test_score_page.py, tests/long/test_recorded.py")),
         ("blackboard demo --pyfg", NotRun("a recording; tests/sim_world/test_pyfg.py replays a made one")),
     ),
     "notes/real-robots.md": (
-        ("blackboard score", NotRun("an hour, and a recording; tests/long/test_recorded.py scores ten seconds of it")),
+        ("blackboard score", NotRun("half an hour, and a recording; tests/lab/test_score_page.py, tests/long/test_recorded.py")),
         ("blackboard demo --pyfg", NotRun("a recording; tests/sim_world/test_pyfg.py replays a made one")),
     ),
     "notes/wrong-models.md": (

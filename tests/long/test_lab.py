@@ -71,19 +71,28 @@ def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
         assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes(), file
 
 
-def test_the_table_of_the_page_is_what_the_lab_prints() -> None:
+#: The rows of the pages' tables: how each begins there -> its rule.
+OF_PAGE = {"linear": "linear", "logarithmic": "logarithmic", "cooperative": "cooperative",
+           "coalition": "coalition", "median-log": "median-log"}  # fmt: skip
+OF_NOTE = {"geometric mean": "geometric", "chernoff": "chernoff", "hoelder": "hoelder", "harmonic": "harmonic",
+           "calibrated": "calibrated", "coalition": "coalition product", "geometric median": "geometric-median",
+           "clique": "clique", "product": "channel-filter"}  # fmt: skip
+
+
+def test_the_tables_of_the_page_and_its_note_are_what_the_lab_prints() -> None:
     """docs/paper.md: log score / coverage of the 95 % regions, and the median error where a source lies."""
     done = blackboard("lab", "--json")
     assert done.returncode == 0, done.stderr
     trials = json.loads(done.stdout)["trials"].values()
-    table = page("paper.md").split("## All rules on the same opinions")[1]
-    told = {}
-    for row in re.findall(r"^\| ([^|]+) \|(.*-\d.*)\|$", table.split("##")[0], re.MULTILINE):
-        first = re.search(r"[a-z-]+", row[0])
-        assert first
-        told[first[0]] = [[float(number) for number in re.findall(r"-?[\d.]+", cell)] for cell in row[1].split("|")]
-    assert list(told) == ["linear", "logarithmic", "cooperative", "coalition", "median-log"]
-    for rule, cells in told.items():
+    told = []
+    for name, rules in (("paper.md", OF_PAGE), ("notes/paper.md", OF_NOTE)):
+        table = page(name).split("## All rules on the same opinions")[1].split("##")[0]
+        rows = re.findall(r"^\| ([^|]+) \|(.*-\d.*)\|$", table, re.MULTILINE)
+        assert len(rows) == len(rules)
+        for (row, numbers), (begin, rule) in zip(rows, rules.items(), strict=True):
+            assert row.strip("*").startswith(begin)
+            told.append((rule, [[float(n) for n in re.findall(r"-?[\d.]+", cell)] for cell in numbers.split("|")]))
+    for rule, cells in told:
         for trial, cell in zip(trials, cells, strict=True):
             printed = [trial["rules"][rule][name]["value"] for name in ("log_score", "coverage_95", "median")]
             assert cell[0] == pytest.approx(printed[0], abs=0.051 if cell[0] < -10 else 0.0051)

@@ -1,4 +1,4 @@
-"""The recorded team as processes, scored."""
+"""Recorded teams: as processes, scored, and what the pages say of them."""
 
 import json
 from pathlib import Path
@@ -6,8 +6,12 @@ from pathlib import Path
 import pytest
 
 from blackboard.lab.bench import SOLO
+from blackboard.run.flags import RecordingFlags
 from tests.commands import blackboard
 from tests.files import DATASET7, needs_dataset7
+from tests.lab.test_score_page import scored
+from tests.robot_agent.spoilt import Spoil, recorded
+from tests.snippets import block
 
 
 @needs_dataset7
@@ -36,3 +40,24 @@ def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
             for name in ("n", "rmse", "mean", "p95", "max", "log_score"):
                 assert taped[name] == pytest.approx(live[name])
             assert {k: c["value"] for k, c in taped["coverage"].items()} == pytest.approx(live["coverage"])
+
+
+@needs_dataset7
+@pytest.mark.parametrize("protocol", ["A_all", "B_turns", "E_south", "F_nolm", "H_lost12"])
+def test_the_joint_that_the_page_shows_is_the_one_of_today(protocol: str) -> None:
+    """Robots' filters and joint without processes, which agree with processes to 1 mm: the page is made anew where this is off."""
+    recording = RecordingFlags(mrclam=str(DATASET7), start=1248446200, protocol=protocol)
+    today = recorded(recording.scenario().changed("time", seconds=600.0), Spoil(), after=0.0)
+    assert today.rmse == pytest.approx(float(scored()[protocol, "joint"]["rmse"]), rel=0.05)
+
+
+@pytest.mark.skipif(
+    not DATASET7.with_name("dataset9").is_dir(), reason="needs the MRCLAM recording in ../shared/mrclam/dataset9"
+)
+def test_what_calibrate_finds_is_what_its_page_shows() -> None:
+    (command,) = block("calibrate.md", "blackboard calibrate").commands
+    words = command.replace("DIR", str(DATASET7.with_name("dataset9"))).partition(" --plot ")[0].split()[1:]
+    run = blackboard(*words, timeout=300)
+    assert run.returncode == 0, run.stderr
+    shown = block("calibrate.md", " " * 22 + "r1 ").text
+    assert {line.rstrip() for line in shown.splitlines()} <= {line.rstrip() for line in run.stdout.splitlines()}
