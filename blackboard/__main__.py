@@ -3,8 +3,6 @@
 import sys
 from typing import Literal
 
-from cyclopts import Group
-
 from blackboard.run import door
 
 #: Module -> its commands, and what is said of each in `blackboard --help`.
@@ -58,12 +56,7 @@ GROUPS = {
     "Compare and measure": "sweep lab tune score calibrate figures chaos plan",
     "Set up": "scenario keys completion",
 }
-GROUP_OF = {
-    command: group
-    for n, (title, names) in enumerate(GROUPS.items())
-    for group in [Group(title, sort_key=n)]
-    for command in names.split()
-}
+GROUP_OF = door.groups(GROUPS)
 
 app = door.new_app(
     "blackboard", "A distributed blackboard for robot teams: beliefs fused with the Cooperative Opinion Pool."

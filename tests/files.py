@@ -6,7 +6,6 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 GOLDEN = ROOT / "tests" / "tape" / "golden.mcap"
-GOLDEN_SCORE = ROOT / "tests" / "golden" / "score.csv"  # tests/lab/test_score_page.py says what made it
 DATASET7 = ROOT.parent / "shared" / "mrclam" / "dataset7"
 needs_dataset7 = pytest.mark.skipif(
     not DATASET7.is_dir(), reason="needs the MRCLAM recording in ../shared/mrclam/dataset7"

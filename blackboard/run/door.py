@@ -11,6 +11,7 @@ import select
 import signal
 import sys
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Any, Literal, NoReturn, TextIO, cast, get_args
@@ -182,6 +183,12 @@ def version() -> str:
 def new_app(name: str, about: str = "") -> App:
     """A command line, for all whose commands it takes a fraction is no whole number."""
     return App(name=name, help=about, version=version, config=_refuse_fractions, help_format="plaintext")
+
+
+def groups(named: Mapping[str, str]) -> dict[str, Group]:
+    """Of each command the group in which the help shows it; `named` is the title of each group and its commands, in order."""
+    made = {title: Group(title, sort_key=place) for place, title in enumerate(named)}
+    return {command: made[title] for title, commands in named.items() for command in commands.split()}
 
 
 def _refuse_fractions(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:

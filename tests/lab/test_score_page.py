@@ -1,26 +1,12 @@
-"""docs/real-robots.md and its note against what `blackboard score` wrote: tests/golden/score.csv, the rows of the team.
+"""docs/real-robots.md and its note have the numbers that `blackboard score` wrote."""
 
-    blackboard score --mrclam DIR --start 1248446200 --seconds 600 --protocol all --summary score.csv
-    grep -E '^protocol|,team,' score.csv > tests/golden/score.csv
-
-tests/long/test_recorded.py runs some of it again.
-"""
-
-import csv
 import re
 
 import pytest
 
 from blackboard.config.protocols import PROTOCOLS
-from tests.files import GOLDEN_SCORE, page
-
-Row = dict[str, str]
-
-
-def scored() -> dict[tuple[str, str], Row]:
-    """The numbers of the team by protocol and way."""
-    with GOLDEN_SCORE.open(encoding="utf-8") as file:
-        return {(row["protocol"], row["way"]): row for row in csv.DictReader(file)}
+from tests.files import page
+from tests.lab.scored import scored
 
 
 def table(text: str, heading: str) -> dict[str, list[str]]:

@@ -9,7 +9,7 @@ from blackboard.lab.bench import SOLO
 from blackboard.run.flags import RecordingFlags
 from tests.commands import blackboard
 from tests.files import DATASET7, needs_dataset7
-from tests.lab.test_score_page import scored
+from tests.lab.scored import scored
 from tests.robot_agent.spoilt import Spoil, recorded
 from tests.snippets import block
 
