@@ -16,6 +16,7 @@ from blackboard.lab.team_size import TeamSizeScores
 from blackboard.opinion.weights import entropy
 from tests.files import page
 from tests.lab.figures import numbers, score_figures
+from tests.lab.sized import METRICS, SEEDS, SIZES, recorded
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parent.parent / "golden" / "paper.json").read_text(encoding="utf-8")
@@ -128,6 +129,33 @@ def test_the_arena_is_the_same_on_every_grid() -> None:
         assert world.grid.shape == (cells, cells)
         assert world.grid.cell * cells == 50.0
         assert len(world.team.robots) == 10
+
+
+def test_the_pages_have_the_numbers_of_fig_7() -> None:
+    """docs/paper.md over all runs, its note over the first four."""
+    pages = "".join(" ".join(page(name).replace("**", "").split()) for name in ("paper.md", "notes/paper.md"))
+    runs = recorded()
+
+    def mean(rule: str, metric: str, seeds: int = SEEDS) -> list[float]:
+        return np.mean([runs[rule, metric, seed] for seed in range(seeds)], axis=0).tolist()
+
+    def share(value: float) -> str:
+        return f"{value:.2f}".removeprefix("0")
+
+    for rule, called in (("cooperative", "COP as printed"), ("coalition, independent", "coalition, independence 1")):
+        logs, covered = mean(rule, "log_score"), mean(rule, "coverage_95")
+        assert f"| {called}: log score | {' | '.join(f'{value:.2f}' for value in logs)} |" in pages
+        assert f"| {called}: 95 % coverage | {' | '.join(map(share, covered))} |" in pages
+    cop = mean("cooperative", "log_score"), mean("cooperative", "coverage_95")
+    assert all(sorted(values, reverse=True) == values for values in cop)  # "fall with every robot added"
+    assert f"falls to {mean('cooperative', 'ratio')[-1]:.2f} with ten robots on 50 x 50 cells" in pages
+    for rule, called in (("cooperative", "COP as printed"), ("coalition", "coalition, the default")):
+        shown = [SIZES.index(size) for size in (1, 2, 4, 10)]
+        ratio, logs, half, most = ([mean(rule, m, 4)[i] for i in shown] for m in METRICS)
+        assert f"| {called}: entropy ratio | 1 | {' | '.join(f'{value:.2f}' for value in ratio[1:])} [" in pages
+        assert f"| log score | {' | '.join(f'{value:.2f}' for value in logs)} [" in pages
+        both = (f"{share(a)} / {share(b)}" for a, b in zip(half, most, strict=True))
+        assert f"| 50 / 95 % coverage | {' | '.join(both)} |" in pages
 
 
 def test_the_page_has_the_numbers_of_the_figures_on_a_line() -> None:

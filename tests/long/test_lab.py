@@ -9,6 +9,7 @@ import pytest
 
 from tests.commands import blackboard
 from tests.files import page
+from tests.lab.sized import recorded, score
 from tests.scenarios import SMALL_FILE
 
 
@@ -69,6 +70,11 @@ def test_the_figures_twice_are_the_same_bytes(tmp_path: Path) -> None:
     assert files == [*(f"fig{n}.{ending}" for n in range(1, 8) for ending in ("png", "svg")), "index.html"]
     for file in files:
         assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes(), file
+
+
+def test_the_first_run_of_fig_7_is_the_one_that_the_pages_show() -> None:
+    shown = {key: row for key, row in recorded().items() if key[2] == 0}
+    assert score(0) == {key: pytest.approx(row, abs=2e-5) for key, row in shown.items()}
 
 
 #: The rows of the pages' tables: how each begins there -> its rule.
