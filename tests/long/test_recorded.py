@@ -43,7 +43,7 @@ def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
 
 
 @needs_dataset7
-@pytest.mark.parametrize("protocol", ["A_all", "B_turns", "E_south", "F_nolm", "H_lost12"])
+@pytest.mark.parametrize("protocol", ["A_all", "E_south", "F_nolm", "H_lost12"])
 def test_the_joint_that_the_page_shows_is_the_one_of_today(protocol: str) -> None:
     """Robots' filters and joint without processes, which agree with processes to 1 mm: the page is made anew where this is off."""
     recording = RecordingFlags(mrclam=str(DATASET7), start=1248446200, protocol=protocol)

@@ -1,5 +1,6 @@
 """Four recorded robots with UWB ranges to each other and to one anchor: the joint against one filter that has everything."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,12 @@ from robot_agent.config import RobotSection
 from robot_agent.gaussian.absolute import starting_pose
 from robot_agent.gaussian.sensors import sensors_of
 from tests.field.play import Score
-from tests.files import ROOT
+from tests.files import ROOT, page
 from tests.robot_agent.spoilt import Spoil, recorded
 from tests.sim_world.graphs import spoilt
 
+#: The note's table, as recorded: seeds 1 to 4 and all together.
+ROWS = re.search(r"\| as recorded \| one filter \| (.*) \|\n\| \| joint \| (.*) \|", page("notes/real-robots.md"))
 UWB = ROOT.parent / "shared" / "uwb" / "tiers.pyfg"
 pytestmark = pytest.mark.skipif(not UWB.is_file(), reason="needs the recording in ../shared/uwb/tiers.pyfg")
 
@@ -69,3 +72,16 @@ def test_a_team_with_ranges_alone_is_as_good_as_one_filter_that_has_everything(o
     team_rmse, covered, single = np.array(results).T
     assert np.sqrt(np.mean(team_rmse**2)) <= 1.3 * np.sqrt(np.mean(single**2))
     assert covered.mean() >= 0.9
+
+
+def test_the_errors_that_the_pages_show_are_those_of_today() -> None:
+    """Of the first seed."""
+    assert ROWS is not None
+    filters, joints = ([float(cell) for cell in row.split(" | ")] for row in ROWS.groups())
+    scenario = RecordingFlags(pyfg=str(UWB)).scenario().changed("world", seed=1)
+    assert recorded(scenario, Spoil(), after=0.0).rmse == pytest.approx(joints[0], rel=0.05)
+    assert one_filter(scenario).rmse == pytest.approx(filters[0], rel=0.05)
+    for *each, together in (filters, joints):
+        assert together == pytest.approx(np.sqrt(np.mean(np.square(each))), abs=0.001)
+    shown = f"The joint is {joints[-1]:.2f} m off in the mean of four starts, one filter that has all readings {filters[-1]:.2f} m"
+    assert shown in " ".join(page("real-robots.md").split())
