@@ -137,7 +137,7 @@ def test_the_pages_have_the_numbers_of_fig_7() -> None:
     runs = recorded()
 
     def mean(rule: str, metric: str, seeds: int = SEEDS) -> list[float]:
-        return np.mean([runs[rule, metric, seed] for seed in range(seeds)], axis=0).tolist()
+        return [float(value) for value in np.mean([runs[rule, metric, seed] for seed in range(seeds)], axis=0)]
 
     def share(value: float) -> str:
         return f"{value:.2f}".removeprefix("0")
