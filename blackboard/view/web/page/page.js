@@ -3,6 +3,7 @@
 import { Cache, History, best, coverage, decode, lineOf } from "./frames.js";
 import { TABLE, chart, colour, contour, level, mark, outline, peak, picture, place, prepare, projection, steps } from "./draw.js";
 
+const PACES = { lockstep: "lockstep", realtime: "real time", free: "no world" };
 const $ = (id) => document.getElementById(id);
 const DASHES = [[[], "solid"], [[5, 3], "dashed"], [[1.5, 2.5], "dotted"]]; // of a line in a chart, and in its legend
 const OLD = 1; // seconds after which a belief on the map tells its age
@@ -223,7 +224,7 @@ function drawHead(header) {
   document.title = `${header.team}: what the team believes`;
   const board = header.processes.filter((one) => one.kind === "board");
   const rate = Math.max(0, ...board.map((one) => one.rate));
-  $("clock").textContent = header.tick === null ? "" : `tick ${header.tick} · ${header.time.toFixed(1)} s · ${header.mode} · ${rate.toFixed(1)} settled/s`;
+  $("clock").textContent = header.tick === null ? "" : `tick ${header.tick} · ${header.time.toFixed(1)} s · ${PACES[header.mode]} · ${rate.toFixed(1)} ticks/s`;
   $("moment").textContent = header.tick === null ? "" : `${header.time.toFixed(1)} s`;
   scrub.setAttribute("aria-valuetext", $("moment").textContent);
 }
