@@ -17,9 +17,9 @@ from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
+from blackboard.opinion.gaussian.strayed import PATIENCE
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct
 
-PATIENCE = 5  # increments of a robot that are left out in a row, before its block is widened
 #: Times the covariance of a robot that enters again: its mates keep what they learned of it before. Half of it counts, as in a
 #: covariance intersection with equal weights (Julier and Uhlmann, ACC 1997).
 AGAIN = 2.0
@@ -137,6 +137,8 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
     if taken:
         only = team.bounded(robot, factor, team.moved_by(robot), expected)
         correct(team.joint, factor, only, expected)
+        if not team.contacts.is_reckoned(robot):
+            team.strayed.confirm(robot)
     left_out = 0 if taken else team.known[robot].left_out + 1
     if left_out >= PATIENCE:
         team.widen(robot)

@@ -17,7 +17,7 @@ from blackboard.opinion.gaussian.linearising import linearise, linearise_all
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
-from blackboard.opinion.gaussian.vehicle import Motion, correct
+from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct
 from blackboard.opinion.grid import Array
 
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
@@ -189,11 +189,16 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
     observer, subject = relative.observer, relative.subject
     factor, squared = team.weighed((observer, "relative"), factor, innovation, relative.noisier)
     by = team.outvoted(subject, observer) or team.outvoted(observer, subject)
-    agrees = squared <= quantile(GATE, innovation.freedom) and not by and not team.contradict(observer, subject)
+    fits = squared <= quantile(GATE, innovation.freedom)
+    agrees = fits and not by and not team.contradict(observer, subject)
     # Of two robots that contradict each other, the one that placed the object first is believed.
     if not subject.startswith("robot/"):
         agrees = agrees and not any(team.contacts.contradict(observer, o) for o in team.vouching(subject, observer))
-    taken = agrees and not {observer, subject} & team.left_out
+    believed = not {observer, subject} & team.left_out
+    taken = agrees and believed
+    if subject.startswith("robot/") and relative.mark is None and believed and not team.doubts(observer):
+        off = np.linalg.pinv(factor.jacobians[observer][:, AXES]) @ factor.residual
+        team.strayed.on_sighting((observer, subject), taken=taken, away=0.0 if fits else float(np.hypot(*off)))
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
     team.add_verdict(Verdict(observer, subject, "relative", squared, innovation.freedom, taken, by))

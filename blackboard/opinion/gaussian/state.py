@@ -25,6 +25,7 @@ from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
+from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, Nuisance
@@ -91,6 +92,7 @@ class TeamState(Copyable):
     offsets: Offsets = field(default_factory=Offsets)
     influence: Influence = field(default_factory=Influence)
     freshness: Freshness = field(default_factory=Freshness)
+    strayed: Strayed = field(default_factory=Strayed)
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
     naming: Naming = field(default_factory=Naming)

@@ -77,10 +77,19 @@ class TeamJoint(TeamState):
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
             told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance, evidence.camera
             self.known[robot] = Known(known.epoch, *told)
+        self._open_strayed()
         self.forget_objects()
         end_tick(self)
         close_rings(self)
         self.joint.gather()
+
+    def _open_strayed(self) -> None:
+        """Who is seen elsewhere again and again may be there, but no farther away than the map is wide."""
+        for robot, away in self.strayed.end_tick().items():
+            if self.knows(robot):
+                self.widen(robot, min(away, math.sqrt(self.naming.area)))
+                self.trust.forget(robot)
+                self.offsets.forget(robot)
 
     def _take(self, dt: float, news: Mapping[str, Evidence]) -> None:
         self.limits.pass_time(dt)

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blackboard.opinion.gaussian.comparing import PATIENCE
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments, squared_distance
 from blackboard.opinion.gaussian.relation import Bias, Relative
 from blackboard.opinion.gaussian.state import FADED, MAX_ERRORS, Objects
+from blackboard.opinion.gaussian.strayed import PATIENCE
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, entering
 from blackboard.opinion.grid import Array, Grid

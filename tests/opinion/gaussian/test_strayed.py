@@ -1,0 +1,90 @@
+"""A robot whose wheels turn while it stands, and which has nothing of its own that tells: its mates find it again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.state import ABSURD
+from blackboard.opinion.gaussian.strayed import PATIENCE
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, entering
+from tests.opinion.gaussian.square import PLACES, evidence_of, increment_at, new_team, sees
+
+WAY = Motion(0.6, 0.0, 1.0, 1.0, along=0.01, across=0.01)  # of a tick, as r2's wheels measure it
+HERE, TURNS, LONG = (
+    PLACES["robot/r2"],
+    PATIENCE,
+    3 * PATIENCE,
+)  # where r2 stands, ticks in which its wheels turn, and all
+
+Seen = tuple[str, str, tuple[float, float]]  # who sees whom, and where
+
+
+def settle(team: TeamJoint, tick: int, *seen: Seen, fixed: tuple[float, float] | None = None) -> None:
+    """A tick in which robots see others, and r1, r3 and r4 stand and know where; r2 does if it is `fixed` somewhere."""
+    news, draw = [], np.random.default_rng(tick).normal
+    for robot, place in PLACES.items():
+        relatives = [
+            sees(robot, mate, (x + 0.1 * draw(), y + 0.1 * draw())) for by, mate, (x, y) in seen if by == robot
+        ]
+        told = fixed if robot == "robot/r2" else place
+        evidence = evidence_of(robot, tick, *relatives, increment=None if told is None else increment_at(*told))
+        if robot == "robot/r2":
+            unsure = np.diag([0.04 + tick * 1.0] * 2 + [0.0004])  # alone it knows its place worse and worse
+            belief = evidence.belief if fixed else entering(Moments(np.array([*led(tick), 0.0]), unsure), Nuisance())
+            evidence = replace(evidence, travelled=WAY.times(min(tick, TURNS)), belief=belief)
+        news.append(evidence)
+    team.settle(tick, 1.0, news)
+
+
+def led(tick: int) -> tuple[float, float]:
+    """Where its wheels lead r2."""
+    return HERE[0] + min(tick, TURNS) * WAY.distance, HERE[1]
+
+
+def off(team: TeamJoint, robot: str, at: tuple[float, float]) -> float:
+    """How far the joint has a robot from a place."""
+    return float(np.hypot(*(team.pose(robot).mean[AXES] - at)))
+
+
+def spread(team: TeamJoint, robot: str) -> float:
+    """The variance of a place, in all directions together."""
+    return float(np.trace(team.pose(robot).covariance[AXES, AXES]))
+
+
+def test_a_robot_that_one_mate_alone_sees_is_where_that_sees_it() -> None:
+    team = new_team()
+    for tick in range(1, LONG):
+        settle(team, tick, ("robot/r1", "robot/r2", HERE))
+    assert off(team, "robot/r2", HERE) < 0.3
+    assert off(team, "robot/r1", PLACES["robot/r1"]) < 0.1
+
+
+@pytest.mark.parametrize("by", ["robot/r3", "itself"])
+def test_a_robot_stays_where_others_see_it_or_its_own_sensors_have_it(by: str) -> None:
+    team = new_team()
+    for tick in range(1, LONG):
+        lie: Seen = ("robot/r1", "robot/r2", HERE)
+        if by == "itself":
+            settle(team, tick, lie, fixed=led(tick))
+        else:
+            settle(team, tick, lie, ("robot/r3", "robot/r2", led(tick)))
+        assert spread(team, "robot/r2") < 0.2
+    assert off(team, "robot/r2", led(LONG)) < 0.5
+
+
+def test_misreads_between_sightings_that_fit_move_nobody() -> None:
+    team = new_team()
+    for tick in range(1, LONG):
+        settle(team, tick, ("robot/r1", "robot/r2", led(tick) if tick % PATIENCE == 0 else (0.0, 9.0)))
+    assert off(team, "robot/r2", led(LONG)) < 0.5
+    assert spread(team, "robot/r2") < 0.2
+
+
+def test_who_is_said_to_be_beyond_the_map_again_and_again_is_not_made_absurd() -> None:
+    team = new_team()
+    for tick in range(1, 20 * PATIENCE):
+        settle(team, tick, ("robot/r1", "robot/r2", (1e6, 0.0)))
+    assert spread(team, "robot/r2") < ABSURD
