@@ -16,14 +16,14 @@ SPREAD = 0.3  # the variance of a place with which each robot enters
 FIX = 3.0  # the sigma of what each robot is told of its place in each tick
 
 
-def says(robot: str, tick: int, relatives: tuple[Relative, ...] = ()) -> Evidence:
+def says(robot: str, tick: int, relatives: tuple[Relative, ...] = (), scale: float = 0.0) -> Evidence:
     """Evidence of a robot that stands: an initial belief near the true place, then an exact fix in each tick.
 
-    Its range scale is known to be 1.
+    `scale` is the sigma that it claims of its range scale.
     """
     mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
     mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
     belief = Moments(mean, np.diag([SPREAD, SPREAD, *[1e-4] * (STATES - 2)]))
-    belief.covariance[RANGE, RANGE] = 0.0
+    belief.covariance[RANGE, RANGE] = scale**2
     increment = Increment(mean, information, np.zeros(STATES)) if tick else None
     return Evidence(robot, 0, tick, Motion(), Nuisance(), belief if not tick else None, increment, relatives)

@@ -125,9 +125,9 @@ def anything(rng: np.random.Generator, team: TeamJoint) -> tuple[Increment | Non
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 100_000), st.booleans())
+@given(st.integers(0, 100_000), st.booleans(), st.sampled_from([0.0, 0.05, 0.1, 1.0, 10.0]))
 def test_whatever_one_of_six_says_its_mates_are_no_farther_off_than_an_honest_one_would_move_them(
-    seed: int, same: bool
+    seed: int, same: bool, scale: float
 ) -> None:
     """All others are exact. So how far off they are is what the liar has moved."""
     rng, team, farthest = np.random.default_rng(seed), TeamJoint(limits=Limits(0.5)), 0.0
@@ -137,8 +137,28 @@ def test_whatever_one_of_six_says_its_mates_are_no_farther_off_than_an_honest_on
             lies = anything(rng, team)
         said = [says(robot, tick) for robot in PLACES if robot != LIAR]
         increment, relatives = lies
-        mine = says(LIAR, tick, relatives)
+        mine = says(LIAR, tick, relatives, scale)
         team.settle(tick, 0.2, [*said, mine if increment is None else replace(mine, increment=increment)])
         away: list[Array] = [team.marginal(robot).mean - at for robot, at in PLACES.items() if robot != LIAR]
         farthest = max(farthest, *(float(np.hypot(*offset)) for offset in away))
     assert farthest <= BOUND * math.exp((TICKS - BEGIN) * 0.2 / MEMORY)
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.05, 0.1])
+@pytest.mark.parametrize("longer", [-3.0, 1.5, 3.0, 6.0])
+def test_who_measures_ranges_that_are_too_long_moves_its_mates_no_farther_by_claiming_a_scale(
+    longer: float, scale: float
+) -> None:
+    """What is too long by a constant looks partly like a scale, so that it is found out later."""
+    team, farthest = TeamJoint(), 0.0
+    for tick in range(TICKS + 20):
+        ways = {mate: PLACES[mate] - PLACES[LIAR] for mate in PLACES if mate != LIAR and tick >= BEGIN}
+        lies = tuple(
+            Relative(LIAR, mate, math.hypot(x, y) + longer, math.atan2(y, x), 0.25, 0.0025)
+            for mate, (x, y) in ways.items()
+        )
+        said = {robot: says(robot, tick) for robot in PLACES} | {LIAR: says(LIAR, tick, lies, scale)}
+        team.settle(tick, 0.2, list(said.values()))
+        away = [float(np.hypot(*(team.marginal(mate).mean - at))) for mate, at in PLACES.items() if mate != LIAR]
+        farthest = max(farthest, *away)
+    assert farthest < BOUND
