@@ -198,7 +198,7 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
     taken = agrees and believed
     if subject.startswith("robot/") and relative.mark is None and believed and not team.doubts(observer):
         off = np.linalg.pinv(factor.jacobians[observer][:, AXES]) @ factor.residual
-        team.strayed.on_sighting((observer, subject), taken=taken, away=0.0 if fits else float(np.hypot(*off)))
+        team.strayed.on_sighting(observer, subject, taken=taken, away=0.0 if fits else float(np.hypot(*off)))
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
     team.add_verdict(Verdict(observer, subject, "relative", squared, innovation.freedom, taken, by))

@@ -85,7 +85,7 @@ class TeamJoint(TeamState):
 
     def _open_strayed(self) -> None:
         """Who is seen elsewhere again and again may be there, but no farther away than the map is wide."""
-        for robot, away in self.strayed.end_tick().items():
+        for robot, away in self.strayed.end_tick(len(self.known)).items():
             if self.knows(robot):
                 self.widen(robot, min(away, math.sqrt(self.naming.area)))
                 self.trust.forget(robot)

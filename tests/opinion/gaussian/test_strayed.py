@@ -22,10 +22,10 @@ HERE, TURNS, LONG = (
 Seen = tuple[str, str, tuple[float, float]]  # who sees whom, and where
 
 
-def settle(team: TeamJoint, tick: int, *seen: Seen, fixed: tuple[float, float] | None = None) -> None:
-    """A tick in which robots see others, and r1, r3 and r4 stand and know where; r2 does if it is `fixed` somewhere."""
+def settle(team: TeamJoint, tick: int, *seen: Seen, fixed: tuple[float, float] | None = None, robots: int = 4) -> None:
+    """A tick in which `robots` see others, and all but r2 stand and know where; r2 does if it is `fixed` somewhere."""
     news, draw = [], np.random.default_rng(tick).normal
-    for robot, place in PLACES.items():
+    for robot, place in list(PLACES.items())[:robots]:
         relatives = [
             sees(robot, mate, (x + 0.1 * draw(), y + 0.1 * draw())) for by, mate, (x, y) in seen if by == robot
         ]
@@ -54,12 +54,31 @@ def spread(team: TeamJoint, robot: str) -> float:
     return float(np.trace(team.pose(robot).covariance[AXES, AXES]))
 
 
-def test_a_robot_that_one_mate_alone_sees_is_where_that_sees_it() -> None:
+def test_a_robot_that_mates_see_in_turn_is_where_they_see_it() -> None:
     team = new_team()
     for tick in range(1, LONG):
-        settle(team, tick, ("robot/r1", "robot/r2", HERE))
+        settle(team, tick, ("robot/r1" if tick % 2 else "robot/r4", "robot/r2", HERE))
     assert off(team, "robot/r2", HERE) < 0.3
     assert off(team, "robot/r1", PLACES["robot/r1"]) < 0.1
+
+
+def test_in_a_team_of_three_a_robot_that_one_mate_alone_sees_is_where_that_sees_it() -> None:
+    team = TeamJoint()
+    for tick in range(LONG):
+        settle(team, tick, ("robot/r1", "robot/r2", HERE), robots=3)
+    assert off(team, "robot/r2", HERE) < 0.3
+    assert off(team, "robot/r1", PLACES["robot/r1"]) < 0.1
+
+
+@pytest.mark.parametrize("misread", [LONG, PATIENCE + 2])
+def test_one_mate_alone_moves_no_robot_that_nothing_else_places(misread: int) -> None:
+    """It may lie. One misread of another mate does not make it right."""
+    team, lie = new_team(), (5.0, 9.0)
+    for tick in range(1, LONG):
+        seen: list[Seen] = [("robot/r1", "robot/r2", lie)]
+        settle(team, tick, *seen, *[("robot/r4", "robot/r2", (0.0, 9.0))] * (tick == misread))
+        assert spread(team, "robot/r2") < 2.0
+    assert off(team, "robot/r2", led(LONG)) < 1.0
 
 
 @pytest.mark.parametrize("by", ["robot/r3", "itself"])
@@ -86,5 +105,5 @@ def test_misreads_between_sightings_that_fit_move_nobody() -> None:
 def test_who_is_said_to_be_beyond_the_map_again_and_again_is_not_made_absurd() -> None:
     team = new_team()
     for tick in range(1, 20 * PATIENCE):
-        settle(team, tick, ("robot/r1", "robot/r2", (1e6, 0.0)))
+        settle(team, tick, ("robot/r1" if tick % 2 else "robot/r4", "robot/r2", (1e6, 0.0)))
     assert spread(team, "robot/r2") < ABSURD
