@@ -197,8 +197,11 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
     believed = not {observer, subject} & team.left_out
     taken = agrees and believed
     if subject.startswith("robot/") and relative.mark is None and believed and not team.doubts(observer):
-        off = np.linalg.pinv(factor.jacobians[observer][:, AXES]) @ factor.residual
-        team.strayed.on_sighting(observer, subject, taken=taken, away=0.0 if fits else float(np.hypot(*off)))
+        if taken:
+            team.strayed.confirm(observer, subject)
+        elif not fits:
+            off = np.linalg.pinv(factor.jacobians[observer][:, AXES]) @ factor.residual
+            team.strayed.contradict(observer, subject, float(np.hypot(*off)))
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
     team.add_verdict(Verdict(observer, subject, "relative", squared, innovation.freedom, taken, by))

@@ -127,6 +127,7 @@ class TeamState(Copyable):
     def drop(self, subject: str) -> None:
         """Forget a subject, and the lasting errors of what it saw and of sightings of it."""
         self.influence.drop(subject)
+        self.strayed.forget(subject)
         for block in list(self.joint.blocks):
             if block == subject or (isinstance(block, tuple) and subject in block[1:3]):
                 self.joint.drop(block)

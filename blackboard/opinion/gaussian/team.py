@@ -77,14 +77,14 @@ class TeamJoint(TeamState):
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
             told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance, evidence.camera
             self.known[robot] = Known(known.epoch, *told)
-        self._open_strayed()
+        self._widen_strayed()
         self.forget_objects()
         end_tick(self)
         close_rings(self)
         self.joint.gather()
 
-    def _open_strayed(self) -> None:
-        """Who is seen elsewhere again and again may be there, but no farther away than the map is wide."""
+    def _widen_strayed(self) -> None:
+        """Widen the pose of who has strayed, by no more than the width of the map."""
         for robot, away in self.strayed.end_tick(len(self.known)).items():
             if self.knows(robot):
                 self.widen(robot, min(away, math.sqrt(self.naming.area)))

@@ -1,4 +1,4 @@
-"""A robot whose wheels turn while it stands, and which has nothing of its own that tells: its mates find it again."""
+"""Mates find a robot again whose wheels turned while it stood, and that has no fixes or landmarks."""
 
 from dataclasses import replace
 
@@ -13,11 +13,9 @@ from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, entering
 from tests.opinion.gaussian.square import PLACES, evidence_of, increment_at, new_team, sees
 
 WAY = Motion(0.6, 0.0, 1.0, 1.0, along=0.01, across=0.01)  # of a tick, as r2's wheels measure it
-HERE, TURNS, LONG = (
-    PLACES["robot/r2"],
-    PATIENCE,
-    3 * PATIENCE,
-)  # where r2 stands, ticks in which its wheels turn, and all
+HERE = PLACES["robot/r2"]  # where r2 stands
+TURNS = PATIENCE  # ticks in which its wheels turn
+LONG = 3 * PATIENCE  # ticks in all
 
 Seen = tuple[str, str, tuple[float, float]]  # who sees whom, and where
 
