@@ -49,11 +49,11 @@ def test_the_robot_in_rust_is_in_the_consensus_of_a_board_with_robots_of_three_o
         assert belief.mean() == pytest.approx([10.0, 10.0], abs=0.05)
         assert belief.covariance().diagonal() == pytest.approx([1.0, 1.0], rel=0.05)
 
-        token = "cop/t/a/member/rust"
+        token, letters = "cop/t/a/member/rust", Letters(link)
         link.watch(token)
+        letters.until(Envelope(token, kind=Kind.ALIVE))  # who asks after the robot has ended is never told that it is gone
         rust.running.terminate()
-        letters = Letters(link)
-        wait_until(lambda: Envelope(token, kind=Kind.GONE) in letters.take(), "nobody waits for it any more")
+        letters.until(Envelope(token, kind=Kind.GONE))
 
 
 LOCKSTEP = """
