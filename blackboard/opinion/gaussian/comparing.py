@@ -138,7 +138,7 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
         only = team.bounded(robot, factor, team.moved_by(robot), expected)
         correct(team.joint, factor, only, expected)
         if not team.contacts.is_reckoned(robot):
-            team.strayed.confirm(robot)
+            team.strayed.confirm_itself(robot)
     left_out = 0 if taken else team.known[robot].left_out + 1
     if left_out >= PATIENCE:
         team.widen(robot)

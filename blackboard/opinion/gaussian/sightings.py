@@ -17,6 +17,7 @@ from blackboard.opinion.gaussian.linearising import linearise, linearise_all
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
+from blackboard.opinion.gaussian.strayed import way_of
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct
 from blackboard.opinion.grid import Array
 
@@ -197,11 +198,11 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
     believed = not {observer, subject} & team.left_out
     taken = agrees and believed
     if subject.startswith("robot/") and relative.mark is None and believed and not team.doubts(observer):
-        if taken:
-            team.strayed.confirm(observer, subject)
-        elif not fits:
-            off = np.linalg.pinv(factor.jacobians[observer][:, AXES]) @ factor.residual
-            team.strayed.contradict(observer, subject, float(np.hypot(*off)))
+        for robot, mate in ((observer, subject), (subject, observer)):
+            if taken:
+                team.strayed.confirm(robot, mate)
+            elif not fits:
+                team.strayed.contradict(robot, mate, way_of(factor.jacobians[robot][:, AXES], factor.residual))
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
     team.add_verdict(Verdict(observer, subject, "relative", squared, innovation.freedom, taken, by))

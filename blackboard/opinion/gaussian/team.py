@@ -85,7 +85,8 @@ class TeamJoint(TeamState):
 
     def _widen_strayed(self) -> None:
         """Widen the pose of who has strayed, by no more than the width of the map."""
-        for robot, away in self.strayed.end_tick(len(self.known)).items():
+        unheard = {robot for robot in self.known if robot in self.left_out or self.doubts(robot)}
+        for robot, away in self.strayed.end_tick(len(self.known), unheard).items():
             if self.knows(robot):
                 self.widen(robot, min(away, math.sqrt(self.naming.area)))
                 self.trust.forget(robot)

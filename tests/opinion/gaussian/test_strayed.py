@@ -20,13 +20,25 @@ LONG = 3 * PATIENCE  # ticks in all
 Seen = tuple[str, str, tuple[float, float]]  # who sees whom, and where
 
 
-def settle(team: TeamJoint, tick: int, *seen: Seen, fixed: tuple[float, float] | None = None, robots: int = 4) -> None:
-    """A tick in which `robots` see others, and all but r2 stand and know where; r2 does if it is `fixed` somewhere."""
+def settle(
+    team: TeamJoint,
+    tick: int,
+    *seen: Seen,
+    fixed: tuple[float, float] | None = None,
+    robots: int = 4,
+    bearing: tuple[float, float] | None = None,
+) -> None:
+    """A tick in which `robots` see others, and all but r2 stand and know where; r2 does if it is `fixed` somewhere.
+
+    `bearing` is where r1 sees r2, too, of which it tells the direction alone.
+    """
     news, draw = [], np.random.default_rng(tick).normal
     for robot, place in list(PLACES.items())[:robots]:
         relatives = [
             sees(robot, mate, (x + 0.1 * draw(), y + 0.1 * draw())) for by, mate, (x, y) in seen if by == robot
         ]
+        if robot == "robot/r1" and bearing is not None:
+            relatives.append(replace(sees(robot, "robot/r2", bearing), kind="bearing"))
         told = fixed if robot == "robot/r2" else place
         evidence = evidence_of(robot, tick, *relatives, increment=None if told is None else increment_at(*told))
         if robot == "robot/r2":
@@ -90,6 +102,45 @@ def test_a_robot_stays_where_others_see_it_or_its_own_sensors_have_it(by: str) -
             settle(team, tick, lie, ("robot/r3", "robot/r2", led(tick)))
         assert spread(team, "robot/r2") < 0.2
     assert off(team, "robot/r2", led(LONG)) < 0.5
+
+
+@pytest.mark.parametrize("place", [(60.0, 60.0), (5.0, 12.0)])
+def test_one_mate_does_not_choose_the_place_of_a_robot_that_another_mate_has_lost(place: tuple[float, float]) -> None:
+    """Before, each of the two was a witness of the other. The liar is taken first, by its name."""
+    team = new_team()
+    for tick in range(1, 60):
+        settle(team, tick, ("robot/r1", "robot/r2", place), ("robot/r4", "robot/r2", HERE))
+    assert off(team, "robot/r2", HERE) < off(team, "robot/r2", place) / 2
+
+
+def test_one_mate_alone_does_not_keep_a_robot_where_two_others_do_not_see_it() -> None:
+    """Before, a single sighting that fits outweighed all others."""
+    team = new_team()
+    for tick in range(1, LONG):
+        settle(team, tick, ("robot/r3" if tick % 2 else "robot/r4", "robot/r2", HERE), bearing=led(tick))
+    assert off(team, "robot/r2", HERE) < 0.3
+
+
+@pytest.mark.parametrize("place", [(60.0, 60.0), (-60.0, -60.0), (5.0, -12.0), (-20.0, 3.0)])
+def test_who_tells_the_direction_alone_of_a_lost_robot_moves_it_little_beside_another_mate(
+    place: tuple[float, float],
+) -> None:
+    """Along a line it may be anywhere, so that a line agrees with more than a place does."""
+    team = new_team()
+    for tick in range(1, 60):
+        settle(team, tick, ("robot/r4", "robot/r2", HERE), bearing=place)
+        assert off(team, "robot/r2", HERE) < 2 * WAY.distance * TURNS
+
+
+def test_what_is_tried_on_a_copy_is_not_counted() -> None:
+    """Before, a single misread counted twice, which made it a witness."""
+    team = new_team()
+    for tick in range(1, LONG):
+        seen: list[Seen] = [("robot/r1", "robot/r2", (5.0, 9.0))]
+        seen += [("robot/r4", "robot/r2", (0.0, 9.0))] * (tick == PATIENCE + 2)
+        settle(team.copy(), tick, *seen)
+        settle(team, tick, *seen)
+        assert spread(team, "robot/r2") < 2.0
 
 
 def test_misreads_between_sightings_that_fit_move_nobody() -> None:
