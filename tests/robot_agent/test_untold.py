@@ -49,7 +49,7 @@ def test_a_robot_that_stands_or_never_moved_goes_nowhere() -> None:
 
 @given(seed=st.integers(0, 1000))
 def test_pieces_of_unlike_length_that_cover_all_of_the_time_leave_little_out(seed: int) -> None:
-    """Each counts in the step after its end. Before, a step with a short piece was taken to have lost the rest: 20 % of the time."""
+    """Each counts in the step after its end. Before, a step with a short piece was taken to have lost the rest: 5 % of the time."""
     ends = np.random.default_rng(seed).integers(1, 9, 400).cumsum() * 0.02
     times = 0.1 * np.arange(1, 300)
     reached = np.concatenate([[0.0], ends])[np.searchsorted(ends, times, side="right")]
