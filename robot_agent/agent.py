@@ -35,7 +35,6 @@ from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
 from robot_agent.localizers import heading_of
 from robot_agent.sensing import placed, trackable, unnamed
-from robot_agent.untold import ALL_TOLD, Untold
 
 Feedback = Literal["paper", "guarded", "off"]
 
@@ -109,12 +108,10 @@ class Agent:
         settings: RobotSection,
         grid: Grid,
         feedback: Feedback = "guarded",
-        untold: Untold = ALL_TOLD,
     ) -> None:
-        """`untold` is of its motion before."""
         self.robot, self.subject = robot, f"robot/{robot}"
         self.settings, self.grid, self.feedback = settings, grid, feedback
-        self.firsthand = self.informed = Estimator.begin(settings, grid, robot, untold)
+        self.firsthand = self.informed = Estimator.begin(settings, grid, robot)
         self.mates: dict[str, Mate] = {}
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
 

@@ -25,8 +25,7 @@ from blackboard.wire.types import capped
 from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer, TakesParts
 from robot_agent.localizers import localizer_factory
-from robot_agent.sensing import PARTS, TickMotion, motion, still
-from robot_agent.untold import ALL_TOLD, Untold
+from robot_agent.sensing import PARTS, TickMotion, motion, unseen
 
 #: Below this Bhattacharyya coefficient a sighting contradicts the tracked belief, and both hypotheses are kept.
 CONTRADICTION = 0.01
@@ -40,6 +39,9 @@ VAGUE = 10.0
 #: Seconds for which the error of a mate's place stays the same. All ranges or bearings of it within them have one error in
 #: common, so each takes the mate's covariance times their number.
 LASTING = 5.0
+
+#: The motion of a tick without odometry, the first one.
+STILL = TickMotion(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +61,8 @@ class Estimator:
     grid: Grid
     robot: str
     localizer: Localizer
-    untold: Untold = ALL_TOLD  # of its motion
-    moved: TickMotion | None = None  # in the tick of the newest readings
+    last: Readings | None = None  # the newest ones that were taken
+    moved: TickMotion | None = None  # in their tick
     objects: dict[str, Belief] = field(default_factory=dict)
     seen: dict[str, Belief] = field(default_factory=dict)  # mates, only where sighted in this tick
     ancestors: dict[str, float] = field(default_factory=dict)
@@ -69,24 +71,21 @@ class Estimator:
     pending_variance: float = 0.0  # unit ** 2: the objects' motion by which their beliefs are not yet blurred
 
     @classmethod
-    def begin(cls, settings: RobotSection, grid: Grid, robot: str, untold: Untold = ALL_TOLD) -> Estimator:
-        """An estimator without any reading yet; `untold` is of the motion before.
-
-        UserError: the settings name no localizer, or one that is none.
-        """
+    def begin(cls, settings: RobotSection, grid: Grid, robot: str) -> Estimator:
+        """An estimator without any reading yet. UserError: the settings name no localizer, or one that is none."""
         localizer = localizer_factory(settings.localizer)(settings, grid)
         if not isinstance(localizer, Localizer):
             raise UserError(
                 f"robot.localizer: {settings.localizer!r} makes a {type(localizer).__name__}, which has not all methods of "
                 "robot_agent.localizer.Localizer; add them"
             )
-        return cls(settings, grid, robot, localizer, untold)
+        return cls(settings, grid, robot, localizer)
 
     def advance(self, readings: Readings, mates: Mapping[str, Mate] | None = None) -> Estimator:
         """Predict with the odometry, update with the readings, project what was seen; `mates` (by subject) serve as landmarks."""
-        told, untold = readings.odometry, self.untold.after(readings)
-        moved = None if told is None else motion(told, self.settings.odometry, untold.lapse)
-        localizer = self.localizer.predict(moved or still(untold), readings.compass)
+        told, lapse = readings.odometry, unseen(self.last, readings)
+        moved = None if told is None else motion(told, self.settings.odometry, lapse)
+        localizer = self.localizer.predict(moved or STILL, readings.compass)
         if readings.fix is not None:
             localizer = localizer.update_with_fix(readings.fix)
         exact = np.zeros((2, 2))
@@ -97,7 +96,7 @@ class Estimator:
         after = replace(
             self,
             localizer=localizer,
-            untold=untold,
+            last=readings,
             moved=moved,
             ancestors={**self.ancestors, self.robot: readings.time},
             seen={},

@@ -164,7 +164,7 @@ class JointAgent:
         because what it shares with the places of the mates is not told.
         """
         if self.searching is None:
-            self.searching = Agent(self.robot, self.settings, self.grid, self.feedback, self.filter.untold)
+            self.searching = Agent(self.robot, self.settings, self.grid, self.feedback)
         reports, solo = self.searching.tick(readings, agreed)
         self.team = None
         pose = pose_of(self.searching.firsthand.localizer)

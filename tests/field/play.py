@@ -178,7 +178,7 @@ class Field(Robots):
 
     `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement. `unplaced`: these are
     not told where they start. All claim `cautious` times the noise that their cameras have, and see ranges or bearings `alone`. It
-    begins `began` seconds after a board's period does. Robots drive on while their odometry is `silent`, from and until a time (s).
+    begins `began` seconds after a board's period does.
     """
 
     def __init__(
@@ -194,10 +194,8 @@ class Field(Robots):
         cautious: float = 1.0,
         alone: Literal["range", "bearing"] | None = None,
         began: float = 0.0,
-        silent: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         super().__init__(chosen, began)
-        self.silent = dict(silent or {})
         self.world, self.sigmas, self.own, self.fed_back, self.unplaced = world, sigmas, own, fed_back, unplaced
         self.alone = alone
         self.claimed = replace(world.truth, range=cautious * world.truth.range, bearing=cautious * world.truth.bearing)
@@ -223,8 +221,6 @@ class Field(Robots):
                 since = gathered(step, self.claimed, self.sigmas)
                 if robot in self.unplaced and step.start is not None:
                     since = SinceStep()
-                if robot in self.silent and self.silent[robot][0] <= world.time < self.silent[robot][1]:
-                    since = replace(since, odometry=None)
                 if self.own:
                     if self.fed_back and (before := self.robots[robot].pose()) is not None:
                         alone[robot].take(before.mean, before.covariance)
