@@ -51,7 +51,7 @@ def test_the_robot_in_rust_is_in_the_consensus_of_a_board_with_robots_of_three_o
 
         token, letters = "cop/t/a/member/rust", Letters(link)
         link.watch(token)
-        # Who asks after the robot has ended is never told that it is gone.
+        # Of a token that is gone before the subscription reaches its holder Zenoh tells nothing.
         letters.until(Envelope(token, kind=Kind.ALIVE))
         rust.running.terminate()
         letters.until(Envelope(token, kind=Kind.GONE))

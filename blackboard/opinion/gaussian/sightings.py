@@ -17,7 +17,7 @@ from blackboard.opinion.gaussian.linearising import linearise, linearise_all
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
-from blackboard.opinion.gaussian.strayed import way_of
+from blackboard.opinion.gaussian.strayed import displacement_of
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct
 from blackboard.opinion.grid import Array
 
@@ -202,7 +202,7 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
             if taken:
                 team.strayed.confirm(robot, mate)
             elif not fits:
-                team.strayed.contradict(robot, mate, way_of(factor.jacobians[robot][:, AXES], factor.residual))
+                team.strayed.contradict(robot, mate, displacement_of(factor.jacobians[robot][:, AXES], factor.residual))
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
     team.add_verdict(Verdict(observer, subject, "relative", squared, innovation.freedom, taken, by))
