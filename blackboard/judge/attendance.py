@@ -4,11 +4,12 @@ In every judged tick a robot is expected to have a belief about its own place, a
 belief about an object is expected only after the robot has seen it; from then on also of the team.
 """
 
+import math
 from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
-GONE = 5.0  # seconds without a sample until the end: who comes back is settled again within that time
+GONE = 5.0  # seconds without a sample, after which a robot counts as gone: who comes back is settled again within that time
 
 
 @dataclass
@@ -21,6 +22,9 @@ class Attendance:
     _since: dict[str, float] = field(default_factory=dict)  # robot -> team time since which every sample was lacking
     _last: dict[str, float] = field(default_factory=dict)  # robot -> team time at which a sample of it was due last
     _until: float = 0.0  # team time of the newest sample
+    _heard: dict[str, float] = field(default_factory=dict)  # robot -> team time of its newest solo
+    _away: dict[str, float] = field(default_factory=dict)  # robot -> the same, of those that were not heard since
+    _back: dict[str, float] = field(default_factory=dict)  # robot -> team time at which it was back after it was gone
 
     def note_missing(self, subject: str, time: float, missing: Collection[str]) -> None:
         """Take a sample of a subject at a team time (s), and the levels whose beliefs are missing."""
@@ -33,6 +37,19 @@ class Attendance:
         if subject.startswith("robot/") or ("agreed" in missing and "solo" not in missing):
             self.lacking[subject] += 1
             self._since.setdefault(subject, time)
+
+    def note_heard(self, robots: Collection[str], time: float) -> None:
+        """Take which robots had a belief about their own place at a team time (s). In order of time."""
+        for robot in self._heard.keys() - robots:
+            self._away.setdefault(robot, self._heard[robot])
+        for robot in robots:
+            if time - self._away.pop(robot, time) > GONE:
+                self._back[robot] = time
+            self._heard[robot] = time
+
+    def is_settled(self, robot: str, time: float) -> bool:
+        """Whether it is as long as `GONE` ago that a robot came back. Until then it may honestly not know where it is."""
+        return time - self._back.get(robot, -math.inf) >= GONE
 
     def reasons(self, subjects: Iterable[str], most: float) -> list[str]:
         """Of which subjects more than the share `most` of the samples is missing, and which robots were gone at the end.

@@ -5,6 +5,9 @@ believed alone (`solo`), its sub-team's `consensus`, and what was `agreed` after
 same samples; where one is missing it is counted under its level. A robot in several sub-teams is judged once, in the first by
 name, through which its evidence counts in the exchange. Robots that a [[fault]] is about are the group `faulty`, and what they
 believe about objects is not judged.
+
+[world.check] compares what robots believe without the first seconds of who comes back after it was gone. How far off an honestly
+lost robot is depends on where it was; its error against its claim is judged all the same.
 """
 
 import hashlib
@@ -37,6 +40,9 @@ FAULTY = "faulty"  # the group of the robots that a [[fault]] is about, where th
 
 #: What was found in a tick about (subject, belief): its score of one entry, the belief, the error it claims; None: not unpacked.
 Known = dict[tuple[str, PackedBelief], tuple[Score, Belief, float] | None]
+
+
+Scores = dict[str, dict[str, Tally]]  # subject -> level -> scores
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,8 @@ class Referee:
         self.faulty = frozenset(faulty)
         self.refused: Counter[str] = Counter()
         self._hash = hashlib.sha256()
-        self._scores: dict[str, dict[str, Tally]] = {}  # subject -> level -> scores
+        self._scores: Scores = {}
+        self._returned: Scores = {}  # of robots that came back and are not settled yet; not in `_scores`
         self._attendance = Attendance()
         self._took_part: set[str] = set()  # robots
         self._company: Counter[str] = Counter()  # subject -> samples whose agreed belief rests on several robots
@@ -101,6 +108,7 @@ class Referee:
             payload, _ = instant.consensuses[name]
             self._hash.update(payload)
         self._landmark_at |= dict.fromkeys(instant.landmark_seen, instant.truth.time)
+        self._attendance.note_heard(instant.solos.keys(), instant.truth.time)
         if not judged:
             return
         known: Known = {}
@@ -147,8 +155,9 @@ class Referee:
         if len(scored) == len(LEVELS):
             self._company[subject] += len(instant.sources("agreed", robot, sub_team, subject)) > 1
             lost = self._judge_lost(instant, sub_team, subject, scored["agreed"][0])
+            scores = self._scores if self._attendance.is_settled(robot, instant.truth.time) else self._returned
             for level, (score, belief, claimed) in scored.items():
-                self._scores.setdefault(subject, {}).setdefault(level, Tally()).add(score)
+                scores.setdefault(subject, {}).setdefault(level, Tally()).add(score)
                 calibration = self._calibrations.setdefault((subject, level), Calibration())
                 calibration.add(instant.truth.time, score, claimed)
                 if self._record is not None:
@@ -200,7 +209,7 @@ class Referee:
     def judgement(self) -> Judgement:
         """All that was found until now."""
         scores = self.scores()
-        passed, reasons = self.verdict(scores)
+        passed, reasons = self.verdict()
         honesty, missing, unit = self.honesty(), self.missing(), self.grid.unit
         company = {subject: count / self._attendance.judged[subject] for subject, count in self._company.items()}
         robots = {robot: robot in self._took_part for robot in self.robots if robot not in self.faulty}
@@ -212,9 +221,12 @@ class Referee:
 
     def scores(self) -> dict[str, Any]:
         """The scorecard's block "scores": for robots and objects, each level, together and by name; `faulty` where there are any."""
+        return self._grouped(_joined(self._scores, self._returned))
+
+    def _grouped(self, among: Scores) -> dict[str, Any]:
         scores = {}
         for group in (*GROUPS, *([FAULTY] if self.faulty else [])):
-            named = {s.split("/", 1)[1]: self._scores[s] for s in self._subjects(group, self._scores)}
+            named = {s.split("/", 1)[1]: among[s] for s in self._subjects(group, among)}
             together = {level: Tally.merged(by[level] for by in named.values()) for level in LEVELS}
             scores[group] = {
                 **{level: score.summary() for level, score in together.items()},
@@ -243,8 +255,9 @@ class Referee:
         """Samples that were not judged because a belief was missing: subject -> level -> how many."""
         return {subject: dict(sorted(counts.items())) for subject, counts in sorted(self._attendance.missing.items())}
 
-    def verdict(self, scores: dict[str, Any]) -> tuple[bool, list[str]]:
-        """Whether `scores` PASS, and every check that failed, or all of them where none did."""
+    def verdict(self) -> tuple[bool, list[str]]:
+        """Whether all that was found until now is a PASS, and every check that failed, or all of them where none did."""
+        scores = self._grouped(self._scores)
         checks = [(f"robot/{r}" in self._scores, f"{r} was never judged") for r in self.robots if r not in self.faulty]
         objects = [subject for subject in {**self._scores, **self._attendance.missing} if subject.startswith("object/")]
         checks.append((not objects or scores["objects"]["solo"]["n"] > 0, "no object was ever judged"))
@@ -268,9 +281,9 @@ class Referee:
             checks.append((agreed[name] <= most * solo[name], text))
         share = agreed["coverage"]["95"]
         text = f"{group}: agreed 95 % regions hold the truth in {100 * share:.1f} %, asked {100 * check.coverage:g} %"
-        return [*checks, (share >= check.coverage, text), *self._honesty(group)]
+        return [*checks, (share >= check.coverage, text), *self._honesty(group, solo)]
 
-    def _honesty(self, group: str) -> list[tuple[bool, str]]:
+    def _honesty(self, group: str, solo: Mapping[str, Any]) -> list[tuple[bool, str]]:
         """Whether a group's beliefs are as good as they claim: the errors of robots alone, and the regions of what was agreed."""
         checks, check, unit = list[tuple[bool, str]](), self.check, self.grid.unit
         subjects = self._subjects(group, self._scores)
@@ -284,7 +297,7 @@ class Referee:
                 if far or name == "robots":
                     checks.append((not far, text))
             if check.solo is not None:
-                error, _ = whole.rmse()
+                error = solo["rmse"]
                 checks.append((error <= check.solo, f"robots: solo rmse {error:.3f} {unit}, at most {check.solo:g}"))
         agreed = Calibration.merged(self._calibrations[subject, "agreed"] for subject in subjects)
         for level, share in agreed.coverage().items():
@@ -298,3 +311,13 @@ class Referee:
             )
             checks.append((not off, text))
         return checks
+
+
+def _joined(first: Scores, second: Scores) -> Scores:
+    """The scores of both."""
+    if not second:
+        return first
+    joined = {**second, **first}
+    for subject in first.keys() & second.keys():
+        joined[subject] = {level: Tally.merged((first[subject][level], second[subject][level])) for level in LEVELS}
+    return joined

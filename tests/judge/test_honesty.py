@@ -40,7 +40,7 @@ def played(board_dies: int, *, back: int = 999, faulty: tuple[str, ...] = ()) ->
         if there:
             reported(instant, "r2", "b")
         judge.judge_instant(instant, judged=True)
-    return judge.verdict(judge.scores())
+    return judge.verdict()
 
 
 def test_a_board_that_dies_at_tick_41_of_150_and_never_comes_back_is_a_fail() -> None:
@@ -77,7 +77,7 @@ def test_a_guest_that_has_left_owes_nothing_any_more() -> None:
         if tick < 80:
             reported(instant, "r3", "a")
         judge.judge_instant(instant, judged=True)
-    assert judge.verdict(judge.scores())[0]
+    assert judge.verdict()[0]
 
 
 def test_of_a_robot_under_a_fault_nothing_is_asked() -> None:
@@ -96,7 +96,7 @@ def test_an_object_that_robots_see_and_the_team_does_not_know_is_missing_and_one
         if tick < 7:
             both(instant, "a", "object/ball", at(4, 4), at(4, 4))
         judge.judge_instant(instant, judged=True)
-    passed, reasons = judge.verdict(judge.scores())
+    passed, reasons = judge.verdict()
     assert not passed
     assert reasons == ["object/ball: 44.4 % of its samples are missing (agreed 4, consensus 4, solo 1), at most 20 %"]
 
@@ -178,7 +178,7 @@ def run(solo_sigma: float, agreed_sigma: float, error: float = 2.0, **check: flo
         agreed = pack(gaussian(GRID, (x, y), agreed_sigma))
         both(instant, "a", "robot/r1", agreed, agreed)
         judge.judge_instant(instant, judged=True)
-    passed, reasons = judge.verdict(judge.scores())
+    passed, reasons = judge.verdict()
     return [] if passed else reasons
 
 

@@ -167,7 +167,7 @@ def test_the_judgement_is_all_of_it() -> None:
         both(instant, sub_team, f"robot/{robot}", at(*place), at(*place))
     judge.judge_instant(instant, judged=True)
     judgement = judge.judgement()
-    assert (judgement.passed, judgement.reasons) == judge.verdict(judge.scores())
+    assert (judgement.passed, judgement.reasons) == judge.verdict()
     assert judgement.passed
     assert (judgement.scores, judgement.missing, judgement.hash) == (judge.scores(), judge.missing(), judge.hash)
     assert (judgement.unit, judgement.refused) == ("cell", {})

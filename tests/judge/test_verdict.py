@@ -16,7 +16,7 @@ def verdict(solo_: PackedBelief, agreed: PackedBelief, **check: object) -> tuple
     solo(instant, "r1", {"robot/r1": solo_})
     both(instant, "a", "robot/r1", solo_, agreed)
     judge.judge_instant(instant, judged=True)
-    return judge.verdict(judge.scores())
+    return judge.verdict()
 
 
 #: 1.6 cells off, 0.5 nats; the 95 % region holds three quarters of the true cell.
@@ -55,7 +55,7 @@ def test_a_failed_check_is_the_reason(
 
 def test_a_robot_that_was_never_judged_is_a_reason() -> None:
     judge = referee()
-    passed, reasons = judge.verdict(judge.scores())
+    passed, reasons = judge.verdict()
     assert not passed
     assert reasons == ["r1 was never judged", "r2 was never judged"]
 
@@ -66,7 +66,7 @@ def test_objects_that_were_never_judged_are_a_reason() -> None:
     solo(instant, "r1", {"robot/r1": WIDE})
     both(instant, "a", "robot/r1", WIDE, NEAR)
     judge.judge_instant(instant, judged=True)
-    assert judge.verdict(judge.scores()) == (False, ["no object was ever judged"])
+    assert judge.verdict() == (False, ["no object was ever judged"])
 
 
 def test_objects_have_a_limit_of_their_own() -> None:
@@ -77,7 +77,7 @@ def test_objects_have_a_limit_of_their_own() -> None:
         both(instant, "a", "robot/r1", WIDE, WIDE)
         both(instant, "a", "object/ball", at(4, 5), at(4, 5))
         judge.judge_instant(instant, judged=True)
-        return judge.verdict(judge.scores())
+        return judge.verdict()
 
     assert judged(0.6)[0]
     passed, reasons = judged(0.4)
@@ -96,3 +96,21 @@ def test_without_objects_nothing_is_asked_of_them() -> None:
     passed, reasons = verdict(WIDE, NEAR)
     assert passed
     assert not any("object" in reason for reason in reasons)
+
+
+@pytest.mark.parametrize(("away", "passes"), [(4.0, False), (6.0, True)])
+def test_who_was_gone_for_long_is_compared_once_it_is_settled(away: float, passes: bool) -> None:
+    """Its first seconds stay in the scores and in what is held against its claims."""
+    judge = Referee(GRID, CheckSection(missing=1.0, claim=99.0), ("r1",))
+    back = 5.0 + away
+    for tick in range(1, 101):
+        instant = new_instant({"robot/r1": (2.5, 2.5)}, tick, teams={"a": ["r1"]})
+        time, lost = instant.truth.time, cells({(9, 9): 0.9, (2, 2): 0.1})
+        if not 5.0 < time < back:
+            is_lost = back <= time < back + 4
+            solo(instant, "r1", {"robot/r1": lost if is_lost else WIDE})
+            both(instant, "a", "robot/r1", lost if is_lost else WIDE, lost if is_lost else NEAR)
+        judge.judge_instant(instant, judged=True)
+    assert judge.scores()["robots"]["agreed"]["rmse"] > 3
+    passed, reasons = judge.verdict()
+    assert passed == passes, reasons
