@@ -22,6 +22,7 @@ from blackboard.wire.gaussians import unpack_state
 from blackboard.wire.messages import (
     MAX_UNNAMED,
     Consensus,
+    Fix,
     Informed,
     PackedBelief,
     Readings,
@@ -35,6 +36,7 @@ from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator, Mate
 from robot_agent.localizers import heading_of
 from robot_agent.sensing import placed, trackable, unnamed
+from robot_agent.untold import ALL_TOLD, Untold
 
 Feedback = Literal["paper", "guarded", "off"]
 
@@ -108,10 +110,13 @@ class Agent:
         settings: RobotSection,
         grid: Grid,
         feedback: Feedback = "guarded",
+        untold: Untold = ALL_TOLD,
+        near: Fix | None = None,
     ) -> None:
+        """`untold` is of its motion before; it is `near` a place."""
         self.robot, self.subject = robot, f"robot/{robot}"
         self.settings, self.grid, self.feedback = settings, grid, feedback
-        self.firsthand = self.informed = Estimator.begin(settings, grid, robot)
+        self.firsthand = self.informed = Estimator.begin(settings, grid, robot, untold, near)
         self.mates: dict[str, Mate] = {}
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
 

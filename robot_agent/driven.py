@@ -53,6 +53,7 @@ UNKNOWN_WHEELS = Wheels(
 
 BENDS = 0.5 / math.sqrt(3)  # `Wheels.bends`: a turn begins or ends at any time within a step
 PIECES = 50  # of odometry, before it is judged which time they cover
+SILENT = 1.0  # seconds without any odometry, after which that is said
 LACKING, UNIT = 0.7, 20.0  # times the time that passed: less leaves motion out, more is of another unit
 
 
@@ -123,7 +124,12 @@ class Covered:
         A step without any may be one in which the robot stood, so times are compared between two in which it moved.
         """
         if odometry is None:
-            return None
+            if self._moved_at is None or time - self._moved_at <= SILENT:
+                return None
+            return (
+                f"no odometry for {time - self._moved_at:.1f} s, and it moved before: it may have driven anywhere since; "
+                "where it stands, give odometry(0, 0, dt)"
+            )
         moves = bool(odometry.distance or odometry.turn or odometry.aside)
         if moves and self._moved_at is not None and time > self._moved_at:
             self._shares.append(odometry.dt / (time - self._moved_at))
@@ -134,7 +140,7 @@ class Covered:
         what = f"the dt of its odometry is {share:.2g} times the time between its steps"
         if share > UNIT:
             return f"{what}: give seconds, and team time to step(time=) where it does not run in real time"
-        return f"{what}: what it drives in the rest is not told, and it is taken to stand; give all of its odometry"
+        return f"{what}: what it drives in the rest is not told, and may lead anywhere; give all of its odometry"
 
 
 class Driven(AgentService):

@@ -20,12 +20,13 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import chernoff
 from blackboard.opinion.weights import entropy_of
 from blackboard.wire.evidence import Seen
-from blackboard.wire.messages import Readings, Sighting
+from blackboard.wire.messages import Fix, Readings, Sighting
 from blackboard.wire.types import capped
 from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer, TakesParts
 from robot_agent.localizers import localizer_factory
-from robot_agent.sensing import PARTS, TickMotion, motion, unseen
+from robot_agent.sensing import PARTS, TickMotion, motion, still
+from robot_agent.untold import ALL_TOLD, Untold
 
 #: Below this Bhattacharyya coefficient a sighting contradicts the tracked belief, and both hypotheses are kept.
 CONTRADICTION = 0.01
@@ -39,9 +40,6 @@ VAGUE = 10.0
 #: Seconds for which the error of a mate's place stays the same. All ranges or bearings of it within them have one error in
 #: common, so each takes the mate's covariance times their number.
 LASTING = 5.0
-
-#: The motion of a tick without odometry, the first one.
-STILL = TickMotion(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +59,8 @@ class Estimator:
     grid: Grid
     robot: str
     localizer: Localizer
-    last: Readings | None = None  # the newest ones that were taken
-    moved: TickMotion | None = None  # in their tick
+    untold: Untold = ALL_TOLD  # of its motion
+    moved: TickMotion | None = None  # in the tick of the newest readings
     objects: dict[str, Belief] = field(default_factory=dict)
     seen: dict[str, Belief] = field(default_factory=dict)  # mates, only where sighted in this tick
     ancestors: dict[str, float] = field(default_factory=dict)
@@ -71,21 +69,26 @@ class Estimator:
     pending_variance: float = 0.0  # unit ** 2: the objects' motion by which their beliefs are not yet blurred
 
     @classmethod
-    def begin(cls, settings: RobotSection, grid: Grid, robot: str) -> Estimator:
-        """An estimator without any reading yet. UserError: the settings name no localizer, or one that is none."""
+    def begin(
+        cls, settings: RobotSection, grid: Grid, robot: str, untold: Untold = ALL_TOLD, near: Fix | None = None
+    ) -> Estimator:
+        """An estimator without any reading yet; `untold` is of the motion before, and the robot is `near` a place.
+
+        UserError: the settings name no localizer, or one that is none.
+        """
         localizer = localizer_factory(settings.localizer)(settings, grid)
         if not isinstance(localizer, Localizer):
             raise UserError(
                 f"robot.localizer: {settings.localizer!r} makes a {type(localizer).__name__}, which has not all methods of "
                 "robot_agent.localizer.Localizer; add them"
             )
-        return cls(settings, grid, robot, localizer)
+        return cls(settings, grid, robot, localizer if near is None else localizer.update_with_fix(near), untold)
 
     def advance(self, readings: Readings, mates: Mapping[str, Mate] | None = None) -> Estimator:
         """Predict with the odometry, update with the readings, project what was seen; `mates` (by subject) serve as landmarks."""
-        told, lapse = readings.odometry, unseen(self.last, readings)
-        moved = None if told is None else motion(told, self.settings.odometry, lapse)
-        localizer = self.localizer.predict(moved or STILL, readings.compass)
+        told, untold = readings.odometry, self.untold.after(readings)
+        moved = None if told is None else motion(told, self.settings.odometry, untold.lapse)
+        localizer = self.localizer.predict(moved or still(untold), readings.compass)
         if readings.fix is not None:
             localizer = localizer.update_with_fix(readings.fix)
         exact = np.zeros((2, 2))
@@ -96,7 +99,7 @@ class Estimator:
         after = replace(
             self,
             localizer=localizer,
-            last=readings,
+            untold=untold,
             moved=moved,
             ancestors={**self.ancestors, self.robot: readings.time},
             seen={},

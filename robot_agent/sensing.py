@@ -15,6 +15,7 @@ from blackboard.wire.evidence import Seen
 from blackboard.wire.gaussians import unpack_seen
 from blackboard.wire.messages import Odometry, Readings, Sighting
 from robot_agent.config import OdometrySection, RobotSection, VisionSection
+from robot_agent.untold import NOTHING, Unseen, Untold
 
 # The distances of (VI-.1), in cells: the printed sigma is 0 at the best view, and nothing is seen outside SEEN_FROM..SEEN_TO.
 BEST_VIEW = 7.5
@@ -23,8 +24,6 @@ SEEN_FROM, LINEAR_FROM, LINEAR_TO, SEEN_TO = 1.0, 3.0, 11.0, 13.0
 MAX_TRACKED = 64  # objects, and mates in one tick, of which a robot has a belief; each costs it a grid
 
 PARTS = ("range", "bearing")  # sightings that alone tell no place
-
-TURNING = 0.3  # rad/s: by which a robot that drives may have turned while nothing was measured
 
 _nodes, _weights = np.polynomial.hermite_e.hermegauss(7)
 #: Gauss-Hermite quadrature: E f(X) of a standard normal X is about the sum of weight * f(node).
@@ -41,14 +40,6 @@ class TickMotion:
     along: float  # unit ** 2
     across: float  # unit ** 2
     heading: float  # radians ** 2
-
-
-@dataclass(frozen=True)
-class Unseen:
-    """Unmeasured motion between two readings: how far the robot may have come (sigma, unit) and turned (sigma, radians)."""
-
-    way: float = 0.0
-    turn: float = 0.0
 
 
 def trackable(readings: Readings, tracked: Collection[str]) -> Readings:
@@ -97,24 +88,7 @@ def unnamed(readings: Readings) -> list[tuple[int, Sighting]]:
     return [(mark, sighting) for mark, sighting in sightings if sighting.age == newest]
 
 
-def unseen(before: Readings | None, readings: Readings) -> Unseen:
-    """What may have happened between the readings before and these, whose odometry covers the last `dt` seconds only.
-
-    Nothing where the odometry reaches back to the readings before. Else the robot may have gone on in any direction as fast
-    as before or after, and have turned as fast as then or by `TURNING`, whichever is more.
-    """
-    if before is None or readings.odometry is None:
-        return Unseen()
-    gap = readings.time - before.time - readings.odometry.dt
-    if gap <= readings.odometry.dt / 2:
-        return Unseen()
-    told = [one.odometry for one in (before, readings) if one.odometry is not None]
-    speed = max(math.hypot(odometry.distance, odometry.aside) / odometry.dt for odometry in told)
-    rate = max(abs(odometry.turn) / odometry.dt for odometry in told)
-    return Unseen(speed * gap, min(math.pi, max(rate, TURNING if speed else 0.0) * gap))
-
-
-def motion(odometry: Odometry, model: OdometrySection, unseen: Unseen = Unseen()) -> TickMotion:
+def motion(odometry: Odometry, model: OdometrySection, unseen: Unseen = NOTHING) -> TickMotion:
     """The odometry corrected by the model's scales, with noise variances that grow with time, slower while standing.
 
     What was `unseen` before it is added to them.
@@ -127,8 +101,15 @@ def motion(odometry: Odometry, model: OdometrySection, unseen: Unseen = Unseen()
         odometry.dt,
         model.along**2 * share + unseen.way**2,
         model.across**2 * share + unseen.way**2,
-        model.turn**2 * share + unseen.turn**2,
+        model.turn**2 * share + min(math.pi, unseen.turn) ** 2,
     )
+
+
+def still(untold: Untold) -> TickMotion:
+    """The motion of a tick without odometry: of a robot that stood, but for what is `untold` since the newest odometry."""
+    now, before = untold.whole, untold.whole.less(untold.lapse)
+    way = now.way**2 - before.way**2
+    return TickMotion(0.0, 0.0, 1.0, way, way, min(math.pi, now.turn) ** 2 - min(math.pi, before.turn) ** 2)
 
 
 def position_sigma(distance: Array, vision: VisionSection) -> Array:

@@ -103,6 +103,7 @@ class JointAgent:
             assert moved is not None
             self.filter.independence.judge(self.subject, self.filter.gain, shown, moved)
         said = replace(told, increment=told.unsent, returned=self._returned(readings.time, told))
+        self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [told])
         # It has none to begin with, and looks for its place itself.
         if told.belief is None and isinstance(self.filter, Given):
             self._time = readings.time
@@ -164,7 +165,8 @@ class JointAgent:
         because what it shares with the places of the mates is not told.
         """
         if self.searching is None:
-            self.searching = Agent(self.robot, self.settings, self.grid, self.feedback)
+            known = self.filter.untold, self.filter.left
+            self.searching = Agent(self.robot, self.settings, self.grid, self.feedback, *known)
         reports, solo = self.searching.tick(readings, agreed)
         self.team = None
         pose = pose_of(self.searching.firsthand.localizer)
@@ -190,7 +192,6 @@ class JointAgent:
 
     def _firsthand(self, readings: Readings, told: FilterResult) -> dict[str, Belief]:
         """The beliefs about this robot, the objects that it knows, and the mates that it sees in this tick."""
-        self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [told])
         known = {subject: self.own.marginal(subject) for subject in {self.subject, *self.own.subjects()}}
         mates = [
             r

@@ -47,7 +47,7 @@ from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 from robot_agent.gaussian.search import PlaceSearch
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.gaussian.unsent import Unsent
-from robot_agent.sensing import unseen
+from robot_agent.untold import ALL_TOLD, Untold
 
 Seen = list[tuple[Relative, Array]]  # sightings of landmarks, or of other known points, with their places
 
@@ -77,10 +77,15 @@ class FirstHand:
     sensors: Sensors = field(default_factory=Sensors)
     epoch: int = -1  # before the first readings
     joint: Joint = field(default_factory=Joint)
+    untold: Untold = ALL_TOLD  # of its motion
     travelled: Motion = field(default_factory=Motion)
     _last: Readings | None = None
     #: Whether the heading is not known from own readings yet. The mean is then the team's: only a place to linearise at.
     _is_lent: bool = False
+    _astray: float = (
+        0.0  # radians: by how much it may have turned since odometry told, or since the team told its heading
+    )
+    left: Fix | None = None  # where it is, roughly, if its belief was given up only because it may have turned anywhere
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
     #: Sightings and those beyond the gate, of the last ticks.
@@ -116,11 +121,16 @@ class FirstHand:
 
         The filter linearises there, and judges by it how large the error along the way is.
         """
-        strayed = self.known and unseen(self._last, readings).turn > STRAYED and readings.compass is None
-        if self.epoch < 0 or strayed:
+        self.untold = self.untold.after(readings)
+        if self.epoch < 0:
             self.restart(readings.time)
+        self._astray += self.untold.lapse.turn
+        if self.known and self._astray > STRAYED and readings.compass is None:
+            self._strayed(readings, at)
+        if readings.odometry is not None:
+            self._astray = 0.0
         self._judge_wheels(at)
-        motion = self._move(readings)
+        motion = self._move(readings, at)
         moved = None if at is None or not self.known else self._team_moved(at, motion)
         self._lend(moved)
         named = self._named(readings, moved, motion)
@@ -280,8 +290,8 @@ class FirstHand:
         is started again.
         """
         self.epoch = max(self.epoch + 1, round(1000 * time))
-        self.joint, self.travelled, self._last = Joint(), Motion(), None
-        self._groups, self._misses = {}, []
+        self.joint, self.travelled, self._last, self._astray = Joint(), Motion(), None, 0.0
+        self._groups, self._misses, self.left = {}, [], None
         self._unsent.forget()
         self._search.forget()
         self.wheels.give_up()
@@ -293,13 +303,24 @@ class FirstHand:
         self._is_lent = bool(pose.covariance[HEADING, HEADING] >= ANYWHERE)
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
 
+    def _strayed(self, readings: Readings, at: Moments | None) -> None:
+        """It may have turned by anything since odometry told. Only the team may have seen where it heads, `at` a tick ago."""
+        heading = math.inf if at is None else at.covariance[HEADING, HEADING] + self.untold.lapse.turn**2
+        if at is not None and heading <= STRAYED**2 and self._squared(at.mean) <= ABSURD:
+            self._reopen(at.mean)
+        elif readings.odometry is not None:
+            belief = self.joint.moments(self.robot)
+            variance = np.trace(belief.covariance[AXES, AXES]) / 2 + self.untold.lapse.way**2
+            self.restart(readings.time)
+            self.left = Fix(position=tuple(belief.mean[AXES].tolist()), sigma=math.sqrt(variance))
+
     def _reopen(self, at: Array) -> None:
         """Go on, in the same epoch, from where the team believes the robot to be, but hardly trusting it.
 
         What is gained over a prediction is evidence whatever the prediction was, so no increment counts the team's belief.
         """
         pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
-        self.joint, self._misses = Joint(), []
+        self.joint, self._misses, self._astray = Joint(), [], 0.0
         self.wheels.give_up()
         self.mishaps.forget()
         self.absolute.forget()
@@ -316,25 +337,41 @@ class FirstHand:
 
     # --- inside ---------------------------------------------------------------------------------------------------------
 
-    def _move(self, readings: Readings) -> Motion:
-        """Predict with the odometry, and with the unmeasured motion before it."""
-        before, told, lapse = self._last, readings.odometry, unseen(self._last, readings)
+    def _move(self, readings: Readings, at: Moments | None) -> Motion:
+        """Predict with the odometry, and with the unmeasured motion before it, or in place of it."""
+        before, told, blind = self._last, readings.odometry, self._blind(readings, at)
         self._last = readings
+        if blind != Motion():
+            self.wheels.give_up()
         if told is None:
-            return Motion()
+            self._drive(blind)
+            return blind
         earlier = None if before is None else before.odometry
         motion = self.sensors.wheels.motion(told, earlier)
         motion = self._learning_from(motion, self.jitter.significance(told))
         motion = self.wheels.scaled(motion)
         self.wheels.move(motion)
-        if lapse.way or lapse.turn:
-            self.wheels.give_up()
-            motion = motion.plus(Motion(along=lapse.way**2, across=lapse.way**2, heading=lapse.turn**2))
+        motion = motion.plus(blind)
         self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
         self._drive(motion)
         if self.known:
             forget_biases(self.joint, motion.dt)
         return motion
+
+    def _blind(self, readings: Readings, at: Moments | None) -> Motion:
+        """The noise of what the odometry of a tick does not tell; `at` is where the team had the robot a tick ago.
+
+        Without any odometry it goes on as it went in the tick before, so sigmas add up, and not variances. What was seen of it since
+        has told where it went.
+        """
+        lapse, whole, belief = self.untold.lapse, self.untold.whole, at or self.belief
+        place = heading = 0.0
+        if readings.odometry is None and belief is not None:
+            earlier = whole.less(lapse)
+            place = min(earlier.way, math.sqrt(np.trace(belief.covariance[AXES, AXES]) / 2))
+            heading = min(earlier.turn, math.sqrt(belief.covariance[HEADING, HEADING]), math.pi)
+        way, turn = lapse.way * (lapse.way + 2 * place), min(math.pi, heading + lapse.turn) ** 2 - heading**2
+        return Motion(along=way, across=way, heading=turn)
 
     def _learning_from(self, motion: Motion, share: float) -> Motion:
         """The same motion, of whose turn the scale of turns on a curve is learned from a share only.

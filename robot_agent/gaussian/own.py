@@ -92,7 +92,8 @@ class Given(FirstHand):
         if self.epoch < 0:
             self.restart(readings.time)
         given, self.posterior = self.posterior, None
-        motion = self._motion(readings, given)
+        self.untold = self.untold.after(readings)
+        motion = self._motion(readings, given, at)
         prediction = self.belief
         if given is not None and prediction is not None and _has_jumped(prediction, given):
             self.restart(readings.time)
@@ -115,7 +116,7 @@ class Given(FirstHand):
     def _gained(self, before: Moments | None) -> Increment | None:
         return None if self._idle else super()._gained(before)
 
-    def _motion(self, readings: Readings, given: Moments | None) -> Motion:
+    def _motion(self, readings: Readings, given: Moments | None, at: Moments | None) -> Motion:
         """Predict with the odometry. Its noise is the own filter's, as far as the caller or earlier posteriors have told it.
 
         A posterior that is nowhere sharper than the one before, moved on without noise, took nothing in: what it lost is the noise.
@@ -124,7 +125,9 @@ class Given(FirstHand):
         told, before, self._last = readings.odometry, self._last, readings
         self._idle = False
         if told is None:
-            return Motion()
+            motion = self._blind(readings, at)
+            self._drive(motion)
+            return motion
         motion = self.sensors.wheels.motion(told, None if before is None else before.odometry)
         self._turned = abs(told.turn)
         if self._rates is not None and told.distance_sigma is None and told.turn_sigma is None:

@@ -266,3 +266,69 @@ def test_a_robot_that_stands_between_ways_or_falls_behind_a_little_is_told_nothi
     assert not said_of([AHEAD], every=0.12)
     assert not said_of([AHEAD] * 5 + [SinceStep()] * 5)
     assert not said_of([stood, SinceStep(), SinceStep()])
+
+
+STOOD = SinceStep(Odometry(distance=0.0, turn=0.0, dt=0.1))
+
+
+def spread_after(*steps: SinceStep, every: float = 0.1) -> float:
+    """The sigma (unit) of a place along x after a start and some steps."""
+    robot = new_robot()
+    robot.step(START, NOW)
+    for number, step in enumerate(steps, 1):
+        pose, _ = robot.step(step, NOW + every * number)
+        robot.check()
+    return math.sqrt(present(pose).covariance[0, 0])
+
+
+@pytest.mark.parametrize("silent", [10, 50])
+def test_a_robot_whose_odometry_stops_may_have_driven_on(silent: int) -> None:
+    """Before, it was taken to stand, as exact as ever."""
+    spread = spread_after(*[AHEAD] * 20, *[SinceStep()] * silent)
+    assert 0.8 <= spread / (silent * 0.1) <= 1.3
+
+
+def test_it_is_the_same_where_odometry_comes_back_and_where_nothing_was_told_meanwhile() -> None:
+    robot = new_robot()
+    robot.step(START, NOW)
+    for number in range(1, 11):
+        robot.step(AHEAD, NOW + 0.1 * number)
+    pose, _ = robot.step(AHEAD, NOW + 2.1)
+    mute = math.sqrt(present(pose).covariance[0, 0])
+    assert spread_after(*[AHEAD] * 10, *[SinceStep()] * 10, AHEAD) == pytest.approx(mute, rel=0.2)
+
+
+def test_a_robot_that_says_that_it_stands_stays_where_it_is() -> None:
+    sharp = spread_after(*[AHEAD] * 5)
+    assert spread_after(*[AHEAD] * 5, *[STOOD] * 200) <= sharp + 0.02
+    assert spread_after(*[AHEAD] * 5, STOOD, *[SinceStep()] * 200) <= sharp + 0.02
+    assert spread_after(*[SinceStep()] * 200) <= 0.11  # and one that never told of a motion
+
+
+def test_odometry_that_comes_less_often_than_steps_tells_all_of_the_way() -> None:
+    piece = SinceStep(Odometry(distance=0.3, turn=0.0, dt=0.3))
+    steps = [SinceStep(), SinceStep(), piece] * 10
+    assert spread_after(*steps) <= 1.1 * spread_after(*[AHEAD] * 30)
+
+
+def test_a_robot_whose_odometry_stops_is_told_so_once() -> None:
+    assert said_of([AHEAD] * 20 + [SinceStep()] * 20).count("no odometry for 1.1 s, and it moved before") == 1
+
+
+def test_without_odometry_a_fix_still_tells_where_it_is() -> None:
+    here = SinceStep(fix=Fix(position=(8.0, 5.0), sigma=0.3))
+    robot = new_robot()
+    for number, step in enumerate([START, *[AHEAD] * 20, *[SinceStep()] * 30, here]):
+        pose, _ = robot.step(step, NOW + 0.1 * number)
+    assert present(pose).mean[:2] == pytest.approx((8.0, 5.0), abs=0.2)
+    assert math.sqrt(present(pose).covariance[0, 0]) <= 0.31
+
+
+def test_a_robot_whose_own_filter_falls_silent_may_have_driven_on() -> None:
+    robot = new_robot()
+    for number in range(20):
+        posterior = Moments(np.array([5.0 + 0.1 * number, 5.0, 0.0]), np.diag([0.01, 0.01, 0.001]))
+        robot.step(replace(AHEAD, posterior=posterior), NOW + 0.1 * number)
+    for number in range(20, 40):
+        pose, _ = robot.step(SinceStep(), NOW + 0.1 * number)
+    assert 1.6 <= math.sqrt(present(pose).covariance[0, 0]) <= 2.6

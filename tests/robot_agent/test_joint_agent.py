@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blackboard.config import load
+from blackboard.lab.team import played
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import triangle
@@ -15,7 +17,7 @@ from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import PackedState, Seen
 from blackboard.wire.messages import Odometry, Readings, Report, Sighting
 from robot_agent.agent import TeamBelief
-from robot_agent.config import RobotSection
+from robot_agent.config import RobotSection, settings_of
 from robot_agent.gaussian.agent import JointAgent
 from tests.present import present
 from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, sight_of
@@ -193,6 +195,32 @@ def test_odometry_of_a_million_units_ends_a_belief_and_not_the_robot(absurd: flo
     for tick in range(4, 7):
         reports, _ = agent.tick(readings(tick, BALL, fix=(10, 10), distance=0.0), {})
     assert mean(by_subject(reports)["robot/r1"]) == pytest.approx((10, 10), abs=0.3)
+
+
+def test_a_ball_that_was_seen_long_ago_tells_a_robot_without_network_nothing() -> None:
+    """It was away for so long that its belief began anew. Before, it was 20 cells off without a fix, and sure of it: by the old ball."""
+    agent = new_agent()
+    for tick in range(4):
+        agent.tick(readings(tick, BALL, fix=(10, 10) if tick == 0 else None), {})
+    for tick in range(10000, 10003):
+        reports, _ = agent.tick(readings(tick, BALL), {})
+    assert np.trace(unpack(by_subject(reports)["robot/r1"].belief).covariance()) > 0.8 * 2 * 30**2 / 12
+
+
+def test_a_robot_of_the_demo_that_had_no_network_for_40_seconds_goes_on_and_is_found_by_its_next_fix() -> None:
+    demo = load("demo").changed("time", seconds=65.0)
+    agent = JointAgent("r1", settings_of(demo, "r1"), demo.grid)
+    fixed = False
+    for tick in played(demo):
+        taken = next(taken for taken in tick.readings if taken.robot == "r1")
+        if 10.0 < taken.time <= 50.0:
+            continue
+        _, solo = agent.tick(taken, {})
+        fixed = fixed or (taken.time > 50.0 and taken.fix is not None)
+        if fixed:
+            assert math.dist(unpack(solo.beliefs["robot/r1"]).mean(), tick.truth.positions["robot/r1"]) <= 5.0
+    assert fixed
+    assert agent.filter.epoch == 0
 
 
 def test_feedback_off_listens_to_nobody() -> None:

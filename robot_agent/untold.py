@@ -1,0 +1,84 @@
+"""The motion of a robot that no odometry has told: readings that were lost, and odometry that has stopped. Pure.
+
+Where odometry does not reach back to the readings before, or readings come without any from a robot that moved when it told of its
+motion last, it may have gone on in any direction as fast as it did, and have turned. Odometry may come later than other readings,
+and its pieces may be of unlike length. So what is missing counts only where it is more than half of a long piece. A robot that said
+that it stands, by odometry of no way and no turn, stands on; one that never told any motion, as a camera on a mast, stands, too.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from blackboard.wire.messages import Odometry, Readings
+
+TURNING = 0.3  # rad/s: by which a robot that drives may have turned while nothing was measured
+PIECES = 50  # of odometry, that are remembered
+LONG = 0.9  # the quantile of their durations that counts as a long one
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Unmeasured motion: how far the robot may have come (sigma, unit) and turned (sigma, radians; beyond pi anywhere)."""
+
+    way: float = 0.0
+    turn: float = 0.0
+
+    def less(self, earlier: "Unseen") -> "Unseen":
+        """What this adds to what was counted earlier: as it goes on in whatever direction it went, these add up."""
+        return Unseen(max(0.0, self.way - earlier.way), max(0.0, self.turn - earlier.turn))
+
+
+NOTHING = Unseen()
+
+
+@dataclass(frozen=True)
+class Untold:
+    """What is not told of a robot's motion after some readings; `after` is of the next ones."""
+
+    lapse: Unseen = NOTHING  # what the newest readings added
+    whole: Unseen = NOTHING  # since the newest odometry that came before them
+    _pieces: tuple[Odometry, ...] = ()  # the newest ones
+    _since: float | None = None  # team time (s) to which the robot's motion is told
+    _counted: Unseen = NOTHING  # since then
+
+    def after(self, readings: Readings) -> "Untold":
+        """The same after the readings that follow."""
+        told, since = readings.odometry, self._since
+        pieces = self._pieces if told is None else (*self._pieces, told)[-PIECES:]
+        if since is None or not pieces:  # it never moved
+            return Untold(_pieces=pieces, _since=readings.time)
+        missing = readings.time - since - (0.0 if told is None else told.dt)
+        late = self._long(told) * (1.5 if told is None else 0.5)
+        whole = NOTHING if missing <= late else self._gone(missing, told)
+        lapse = whole.less(self._counted)
+        if told is None:
+            counted = self._counted if whole == NOTHING else whole
+            return replace(self, lapse=lapse, whole=whole, _counted=counted)
+        return Untold(lapse, whole, pieces, readings.time)
+
+    def _long(self, told: Odometry | None) -> float:
+        """Seconds that a long piece of odometry lasts."""
+        durations = sorted(piece.dt for piece in self._pieces)
+        usual = durations[int(LONG * (len(durations) - 1))] if durations else 0.0
+        return usual if told is None else max(usual, told.dt)
+
+    def _gone(self, seconds: float, told: Odometry | None) -> Unseen:
+        """How far it may have come in a time: as fast as before or after; while none is told, as fast as it usually was."""
+        known = self._pieces if told is None else (*self._pieces[-1:], told)
+        speeds = [math.hypot(piece.distance, piece.aside) / piece.dt for piece in known]
+        rates = [abs(piece.turn) / piece.dt for piece in known]
+        if told is not None:
+            speed, rate = max(speeds), max(rates)
+        elif _moves(known[-1]):
+            speed, rate = (math.sqrt(sum(each**2 for each in some) / len(some)) for some in (speeds, rates))
+        else:
+            speed = rate = 0.0
+        return Unseen(speed * seconds, max(rate, TURNING if speed else 0.0) * seconds)
+
+
+#: Before any readings.
+ALL_TOLD = Untold()
+
+
+def _moves(piece: Odometry) -> bool:
+    return bool(piece.distance or piece.turn or piece.aside)
