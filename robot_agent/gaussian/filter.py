@@ -82,9 +82,8 @@ class FirstHand:
     _last: Readings | None = None
     #: Whether the heading is not known from own readings yet. The mean is then the team's: only a place to linearise at.
     _is_lent: bool = False
-    _astray: float = (
-        0.0  # radians: by how much it may have turned since odometry told, or since the team told its heading
-    )
+    #: Radians: by how much it may have turned since odometry told, or since the team told its heading.
+    _astray: float = 0.0
     left: Fix | None = None  # where it is, roughly, if its belief was given up only because it may have turned anywhere
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
