@@ -22,7 +22,6 @@ from blackboard.wire.gaussians import unpack_state
 from blackboard.wire.messages import (
     MAX_UNNAMED,
     Consensus,
-    Fix,
     Informed,
     PackedBelief,
     Readings,
@@ -111,12 +110,11 @@ class Agent:
         grid: Grid,
         feedback: Feedback = "guarded",
         untold: Untold = ALL_TOLD,
-        near: Fix | None = None,
     ) -> None:
-        """`untold` is of its motion before; it is `near` a place."""
+        """`untold` is of its motion before."""
         self.robot, self.subject = robot, f"robot/{robot}"
         self.settings, self.grid, self.feedback = settings, grid, feedback
-        self.firsthand = self.informed = Estimator.begin(settings, grid, robot, untold, near)
+        self.firsthand = self.informed = Estimator.begin(settings, grid, robot, untold)
         self.mates: dict[str, Mate] = {}
         self._snapshots: deque[Snapshot] = deque(maxlen=SNAPSHOTS)
 

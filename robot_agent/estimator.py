@@ -20,7 +20,7 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.pools import chernoff
 from blackboard.opinion.weights import entropy_of
 from blackboard.wire.evidence import Seen
-from blackboard.wire.messages import Fix, Readings, Sighting
+from blackboard.wire.messages import Readings, Sighting
 from blackboard.wire.types import capped
 from robot_agent.config import RobotSection
 from robot_agent.localizer import Localizer, TakesParts
@@ -69,10 +69,8 @@ class Estimator:
     pending_variance: float = 0.0  # unit ** 2: the objects' motion by which their beliefs are not yet blurred
 
     @classmethod
-    def begin(
-        cls, settings: RobotSection, grid: Grid, robot: str, untold: Untold = ALL_TOLD, near: Fix | None = None
-    ) -> Estimator:
-        """An estimator without any reading yet; `untold` is of the motion before, and the robot is `near` a place.
+    def begin(cls, settings: RobotSection, grid: Grid, robot: str, untold: Untold = ALL_TOLD) -> Estimator:
+        """An estimator without any reading yet; `untold` is of the motion before.
 
         UserError: the settings name no localizer, or one that is none.
         """
@@ -82,7 +80,7 @@ class Estimator:
                 f"robot.localizer: {settings.localizer!r} makes a {type(localizer).__name__}, which has not all methods of "
                 "robot_agent.localizer.Localizer; add them"
             )
-        return cls(settings, grid, robot, localizer if near is None else localizer.update_with_fix(near), untold)
+        return cls(settings, grid, robot, localizer, untold)
 
     def advance(self, readings: Readings, mates: Mapping[str, Mate] | None = None) -> Estimator:
         """Predict with the odometry, update with the readings, project what was seen; `mates` (by subject) serve as landmarks."""

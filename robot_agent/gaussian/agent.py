@@ -165,8 +165,7 @@ class JointAgent:
         because what it shares with the places of the mates is not told.
         """
         if self.searching is None:
-            known = self.filter.untold, self.filter.left
-            self.searching = Agent(self.robot, self.settings, self.grid, self.feedback, *known)
+            self.searching = Agent(self.robot, self.settings, self.grid, self.feedback, self.filter.untold)
         reports, solo = self.searching.tick(readings, agreed)
         self.team = None
         pose = pose_of(self.searching.firsthand.localizer)

@@ -84,7 +84,6 @@ class FirstHand:
     _is_lent: bool = False
     #: Radians: by how much it may have turned since odometry told, or since the team told its heading.
     _astray: float = 0.0
-    left: Fix | None = None  # where it is, roughly, if its belief was given up only because it may have turned anywhere
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
     #: Sightings and those beyond the gate, of the last ticks.
@@ -290,7 +289,7 @@ class FirstHand:
         """
         self.epoch = max(self.epoch + 1, round(1000 * time))
         self.joint, self.travelled, self._last, self._astray = Joint(), Motion(), None, 0.0
-        self._groups, self._misses, self.left = {}, [], None
+        self._groups, self._misses = {}, []
         self._unsent.forget()
         self._search.forget()
         self.wheels.give_up()
@@ -308,10 +307,7 @@ class FirstHand:
         if at is not None and heading <= STRAYED**2 and self._squared(at.mean) <= ABSURD:
             self._reopen(at.mean)
         elif readings.odometry is not None:
-            belief = self.joint.moments(self.robot)
-            variance = np.trace(belief.covariance[AXES, AXES]) / 2 + self.untold.lapse.way**2
             self.restart(readings.time)
-            self.left = Fix(position=tuple(belief.mean[AXES].tolist()), sigma=math.sqrt(variance))
 
     def _reopen(self, at: Array) -> None:
         """Go on, in the same epoch, from where the team believes the robot to be, but hardly trusting it.

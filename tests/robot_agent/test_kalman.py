@@ -240,16 +240,6 @@ def test_readings_that_are_lost_one_by_one_do_not_add_up_to_a_robot_that_turned_
     assert present(result.belief).mean[:3] == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
 
 
-def test_a_robot_that_may_have_turned_anywhere_is_near_to_where_it_was() -> None:
-    drive = Odometry(distance=0.2, turn=0.0, dt=1.0)
-    robot = started()
-    robot.step(readings(1, odometry=drive))
-    robot.step(readings(6, odometry=drive))
-    left = present(robot.left)
-    assert left.position == pytest.approx((0.2, 0.0), abs=0.01)
-    assert left.sigma == pytest.approx(0.8, rel=0.05)  # 4 s at 0.2 m/s
-
-
 def placed(at: Array) -> Moments:
     """What a team says of this robot's block."""
     return Moments(at, 0.01 * np.eye(STATES))
