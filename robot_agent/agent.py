@@ -111,7 +111,7 @@ class Agent:
         feedback: Feedback = "guarded",
         untold: Untold = ALL_TOLD,
     ) -> None:
-        """`untold` is of its motion before."""
+        """`untold` is its unmeasured motion before."""
         self.robot, self.subject = robot, f"robot/{robot}"
         self.settings, self.grid, self.feedback = settings, grid, feedback
         self.firsthand = self.informed = Estimator.begin(settings, grid, robot, untold)

@@ -121,7 +121,7 @@ class Covered:
     def hear(self, odometry: Odometry | None, time: float) -> str | None:
         """Take the odometry of a step that ends at a team time (s); None: it covers about the time since the one before.
 
-        A step without any may be one in which the robot stood, so times are compared between two in which it moved.
+        The robot may have stood in steps without any, so times are compared between two in which it moved.
         """
         if odometry is None:
             if self._moved_at is None or time - self._moved_at <= SILENT:

@@ -59,7 +59,7 @@ class Estimator:
     grid: Grid
     robot: str
     localizer: Localizer
-    untold: Untold = ALL_TOLD  # of its motion
+    untold: Untold = ALL_TOLD  # its unmeasured motion
     moved: TickMotion | None = None  # in the tick of the newest readings
     objects: dict[str, Belief] = field(default_factory=dict)
     seen: dict[str, Belief] = field(default_factory=dict)  # mates, only where sighted in this tick
@@ -70,7 +70,7 @@ class Estimator:
 
     @classmethod
     def begin(cls, settings: RobotSection, grid: Grid, robot: str, untold: Untold = ALL_TOLD) -> Estimator:
-        """An estimator without any reading yet; `untold` is of the motion before.
+        """An estimator without any reading yet; `untold` is its unmeasured motion before.
 
         UserError: the settings name no localizer, or one that is none.
         """

@@ -106,7 +106,7 @@ def motion(odometry: Odometry, model: OdometrySection, unseen: Unseen = NOTHING)
 
 
 def still(untold: Untold) -> TickMotion:
-    """The motion of a tick without odometry: of a robot that stood, but for what is `untold` since the newest odometry."""
+    """The motion of a tick without odometry: none, but the noise of unmeasured motion."""
     now, before = untold.whole, untold.whole.less(untold.lapse)
     way = now.way**2 - before.way**2
     return TickMotion(0.0, 0.0, 1.0, way, way, min(math.pi, now.turn) ** 2 - min(math.pi, before.turn) ** 2)

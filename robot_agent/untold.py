@@ -1,9 +1,9 @@
-"""The motion of a robot that no odometry has told: readings that were lost, and odometry that has stopped. Pure.
+"""How far a robot may have moved while no odometry measured it. Pure.
 
-Where odometry does not reach back to the readings before, or readings come without any from a robot that moved when it told of its
-motion last, it may have gone on in any direction as fast as it did, and have turned. Odometry may come later than other readings,
-and its pieces may be of unlike length. So what is missing counts only where it is more than half of a long piece. A robot that said
-that it stands, by odometry of no way and no turn, stands on; one that never told any motion, as a camera on a mast, stands, too.
+Either readings were lost on their way, or they come without odometry. Meanwhile the robot may have driven in any direction as fast as
+before, and have turned. Odometry may arrive later than other readings, and its pieces may differ in length. So a gap counts only if it
+is longer than half of a long piece. A robot whose newest odometry is of no way and no turn is taken to stand. So is one that never
+told a motion, such as a camera on a mast.
 """
 
 import math
@@ -33,13 +33,13 @@ NOTHING = Unseen()
 
 @dataclass(frozen=True)
 class Untold:
-    """What is not told of a robot's motion after some readings; `after` is of the next ones."""
+    """The unmeasured motion of a robot up to its newest readings. `after` gives the state once further readings have come."""
 
-    lapse: Unseen = NOTHING  # what the newest readings added
-    whole: Unseen = NOTHING  # since the newest odometry that came before them
+    lapse: Unseen = NOTHING  # what the newest readings added to it
+    whole: Unseen = NOTHING  # since the odometry before them
     _pieces: tuple[Odometry, ...] = ()  # the newest ones
-    _since: float | None = None  # team time (s) to which the robot's motion is told
-    _counted: Unseen = NOTHING  # since then
+    _since: float | None = None  # team time (s) up to which its motion was measured
+    _counted: Unseen = NOTHING  # what was given as a `lapse` since then
 
     def after(self, readings: Readings) -> "Untold":
         """The same after the readings that follow."""
@@ -63,7 +63,7 @@ class Untold:
         return usual if told is None else max(usual, told.dt)
 
     def _gone(self, seconds: float, told: Odometry | None) -> Unseen:
-        """How far it may have come in a time: as fast as before or after; while none is told, as fast as it usually was."""
+        """How far it may have moved in a gap: at the larger speed before and after it, or, while it lasts, at the RMS speed."""
         known = self._pieces if told is None else (*self._pieces[-1:], told)
         speeds = [math.hypot(piece.distance, piece.aside) / piece.dt for piece in known]
         rates = [abs(piece.turn) / piece.dt for piece in known]

@@ -48,7 +48,7 @@ class Attendance:
             self._heard[robot] = time
 
     def is_settled(self, robot: str, time: float) -> bool:
-        """Whether it is as long as `GONE` ago that a robot came back. Until then it may honestly not know where it is."""
+        """Whether a robot that was gone has been back for `GONE` seconds. Before, it may honestly not know where it is."""
         return time - self._back.get(robot, -math.inf) >= GONE
 
     def reasons(self, subjects: Iterable[str], most: float) -> list[str]:

@@ -6,8 +6,8 @@ same samples; where one is missing it is counted under its level. A robot in sev
 name, through which its evidence counts in the exchange. Robots that a [[fault]] is about are the group `faulty`, and what they
 believe about objects is not judged.
 
-[world.check] compares what robots believe without the first seconds of who comes back after it was gone. How far off an honestly
-lost robot is depends on where it was; its error against its claim is judged all the same.
+[world.check] compares errors without the first seconds of a robot that comes back after it was gone. How far off it is until its next
+fix or sighting is chance. Its errors against what it claims are judged in those seconds, too.
 """
 
 import hashlib
@@ -297,8 +297,9 @@ class Referee:
                 if far or name == "robots":
                     checks.append((not far, text))
             if check.solo is not None:
-                error = solo["rmse"]
-                checks.append((error <= check.solo, f"robots: solo rmse {error:.3f} {unit}, at most {check.solo:g}"))
+                checks.append(
+                    (solo["rmse"] <= check.solo, f"robots: solo rmse {solo['rmse']:.3f} {unit}, at most {check.solo:g}")
+                )
         agreed = Calibration.merged(self._calibrations[subject, "agreed"] for subject in subjects)
         for level, share in agreed.coverage().items():
             least, most = level / 100 - check.calibration, level / 100 + check.calibration
@@ -314,9 +315,7 @@ class Referee:
 
 
 def _joined(first: Scores, second: Scores) -> Scores:
-    """The scores of both."""
-    if not second:
-        return first
+    """The scores of both. What only one has is shared, and not copied."""
     joined = {**second, **first}
     for subject in first.keys() & second.keys():
         joined[subject] = {level: Tally.merged((first[subject][level], second[subject][level])) for level in LEVELS}

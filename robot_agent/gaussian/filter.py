@@ -47,7 +47,7 @@ from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 from robot_agent.gaussian.search import PlaceSearch
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.gaussian.unsent import Unsent
-from robot_agent.untold import ALL_TOLD, Untold
+from robot_agent.untold import ALL_TOLD, NOTHING, Untold
 
 Seen = list[tuple[Relative, Array]]  # sightings of landmarks, or of other known points, with their places
 
@@ -77,13 +77,13 @@ class FirstHand:
     sensors: Sensors = field(default_factory=Sensors)
     epoch: int = -1  # before the first readings
     joint: Joint = field(default_factory=Joint)
-    untold: Untold = ALL_TOLD  # of its motion
+    untold: Untold = ALL_TOLD  # its unmeasured motion
     travelled: Motion = field(default_factory=Motion)
     _last: Readings | None = None
     #: Whether the heading is not known from own readings yet. The mean is then the team's: only a place to linearise at.
     _is_lent: bool = False
-    #: Radians: by how much it may have turned since odometry told, or since the team told its heading.
-    _astray: float = 0.0
+    #: How far it may have turned unmeasured, in radians: since the newest odometry, or since it took its heading from the team.
+    _unmeasured: float = 0.0
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
     #: Sightings and those beyond the gate, of the last ticks.
@@ -122,11 +122,11 @@ class FirstHand:
         self.untold = self.untold.after(readings)
         if self.epoch < 0:
             self.restart(readings.time)
-        self._astray += self.untold.lapse.turn
-        if self.known and self._astray > STRAYED and readings.compass is None:
-            self._strayed(readings, at)
+        self._unmeasured += self.untold.lapse.turn
+        if self.known and self._unmeasured > STRAYED and readings.compass is None:
+            self._lose_heading(readings, at)
         if readings.odometry is not None:
-            self._astray = 0.0
+            self._unmeasured = 0.0
         self._judge_wheels(at)
         motion = self._move(readings, at)
         moved = None if at is None or not self.known else self._team_moved(at, motion)
@@ -288,7 +288,7 @@ class FirstHand:
         is started again.
         """
         self.epoch = max(self.epoch + 1, round(1000 * time))
-        self.joint, self.travelled, self._last, self._astray = Joint(), Motion(), None, 0.0
+        self.joint, self.travelled, self._last, self._unmeasured = Joint(), Motion(), None, 0.0
         self._groups, self._misses = {}, []
         self._unsent.forget()
         self._search.forget()
@@ -301,8 +301,8 @@ class FirstHand:
         self._is_lent = bool(pose.covariance[HEADING, HEADING] >= ANYWHERE)
         self.joint.add(self.robot, entering(pose, self.sensors.wheels.nuisance))
 
-    def _strayed(self, readings: Readings, at: Moments | None) -> None:
-        """It may have turned by anything since odometry told. Only the team may have seen where it heads, `at` a tick ago."""
+    def _lose_heading(self, readings: Readings, at: Moments | None) -> None:
+        """The heading is unknown. Take the team's pose of the tick before (`at`) if that knows it; else begin anew with odometry."""
         heading = math.inf if at is None else at.covariance[HEADING, HEADING] + self.untold.lapse.turn**2
         if at is not None and heading <= STRAYED**2 and self._squared(at.mean) <= ABSURD:
             self._reopen(at.mean)
@@ -315,7 +315,7 @@ class FirstHand:
         What is gained over a prediction is evidence whatever the prediction was, so no increment counts the team's belief.
         """
         pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
-        self.joint, self._misses, self._astray = Joint(), [], 0.0
+        self.joint, self._misses, self._unmeasured = Joint(), [], 0.0
         self.wheels.give_up()
         self.mishaps.forget()
         self.absolute.forget()
@@ -354,15 +354,18 @@ class FirstHand:
         return motion
 
     def _blind(self, readings: Readings, at: Moments | None) -> Motion:
-        """The noise of what the odometry of a tick does not tell; `at` is where the team had the robot a tick ago.
+        """The process noise of unmeasured motion; `at` is where the team had the robot a tick ago.
 
-        Without any odometry it goes on as it went in the tick before, so sigmas add up, and not variances. What was seen of it since
-        has told where it went.
+        While odometry is silent a robot goes on in one direction, so sigmas add up instead of variances. What they add to is at most
+        the sigma of the belief: sightings since then have told where it went.
         """
-        lapse, whole, belief = self.untold.lapse, self.untold.whole, at or self.belief
+        lapse = self.untold.lapse
+        if lapse == NOTHING:
+            return Motion()
         place = heading = 0.0
-        if readings.odometry is None and belief is not None:
-            earlier = whole.less(lapse)
+        belief = (at or self.belief) if readings.odometry is None else None
+        if belief is not None:
+            earlier = self.untold.whole.less(lapse)
             place = min(earlier.way, math.sqrt(np.trace(belief.covariance[AXES, AXES]) / 2))
             heading = min(earlier.turn, math.sqrt(belief.covariance[HEADING, HEADING]), math.pi)
         way, turn = lapse.way * (lapse.way + 2 * place), min(math.pi, heading + lapse.turn) ** 2 - heading**2

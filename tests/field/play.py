@@ -178,8 +178,7 @@ class Field(Robots):
 
     `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement. `unplaced`: these are
     not told where they start. All claim `cautious` times the noise that their cameras have, and see ranges or bearings `alone`. It
-    begins `began` seconds after a board's period does. Robots drive on while their odometry is `silent`, from and until a time (s),
-    or while their whole program is, which is `mute`.
+    begins `began` seconds after a board's period does. Robots drive on while their odometry is `silent`, from and until a time (s).
     """
 
     def __init__(
@@ -196,10 +195,9 @@ class Field(Robots):
         alone: Literal["range", "bearing"] | None = None,
         began: float = 0.0,
         silent: Mapping[str, tuple[float, float]] | None = None,
-        mute: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         super().__init__(chosen, began)
-        self.silent, self.mute = dict(silent or {}), dict(mute or {})
+        self.silent = dict(silent or {})
         self.world, self.sigmas, self.own, self.fed_back, self.unplaced = world, sigmas, own, fed_back, unplaced
         self.alone = alone
         self.claimed = replace(world.truth, range=cautious * world.truth.range, bearing=cautious * world.truth.bearing)
@@ -222,8 +220,6 @@ class Field(Robots):
             for robot, step in said.items():
                 alone[robot].step({robot: Said(step.distance, step.turn, step.dt, step.start, step.gps)}, step.dt)
                 self.run_to(max(self.now, at + self.phases.get(robot, 0.0)))
-                if robot in self.mute and self.mute[robot][0] <= world.time < self.mute[robot][1]:
-                    continue
                 since = gathered(step, self.claimed, self.sigmas)
                 if robot in self.unplaced and step.start is not None:
                     since = SinceStep()
