@@ -12,13 +12,14 @@ from blackboard.opinion.gaussian.alike import add_alike
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
-from blackboard.opinion.gaussian.increment import likelihood
+from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
-from blackboard.opinion.gaussian.strayed import PATIENCE
-from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct
+from blackboard.opinion.gaussian.strayed import PATIENCE, Fit
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, Motion, correct
+from blackboard.opinion.grid import Array
 
 #: Times the covariance of a robot that enters again: its mates keep what they learned of it before. Half of it counts, as in a
 #: covariance intersection with equal weights (Julier and Uhlmann, ACC 1997).
@@ -127,9 +128,9 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
     """Take an increment into the joint, if the gate lets it through."""
     robot = evidence.robot
     factor = None if evidence.increment is None else likelihood(team.joint, robot, evidence.increment)
-    if factor is None:
+    if factor is None or evidence.increment is None:
         return
-    expected = team.joint.expected(factor)
+    expected, told = team.joint.expected(factor), _told(team.joint, robot, evidence.increment)
     factor, squared = team.weighed((robot, "increment"), factor, expected.innovation(factor))
     by, freedom = team.outvoted(robot, robot), len(factor.residual)
     taken = squared <= quantile(GATE, freedom) and not by
@@ -138,9 +139,18 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
         only = team.bounded(robot, factor, team.moved_by(robot), expected)
         correct(team.joint, factor, only, expected)
         if not team.contacts.is_reckoned(robot):
-            team.strayed.confirm_itself(robot)
-    left_out = 0 if taken else team.known[robot].left_out + 1
-    if left_out >= PATIENCE:
+            team.strayed.confirm_itself(robot, Fit(expected.innovation(factor), factor.jacobians[robot][:, AXES]))
+    left_out = team.known[robot].left_out
+    left_out = left_out * (1.0 - told) if taken else left_out + told
+    if left_out.max() >= PATIENCE:
         team.widen(robot)
-        left_out = 0
+        left_out = np.zeros(HEADING + 1)
     team.known[robot] = replace(team.known[robot], left_out=left_out)
+
+
+def _told(joint: Joint, robot: str, increment: Increment) -> Array:
+    """How much an increment tells of x, y and the heading, shape (3,): that of which it tells most is 1."""
+    pose = slice(joint.blocks[robot].start, joint.blocks[robot].start + HEADING + 1)
+    gain = np.diag(increment.information)[: HEADING + 1] * joint.variances[pose]
+    share = gain / (1.0 + gain)
+    return np.asarray(share / max(float(share.max()), np.finfo(float).tiny))

@@ -30,6 +30,7 @@ from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, Nuisance
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
+from blackboard.opinion.grid import Array
 
 ABSURD = 1e10  # of any variance: what is known of nothing has 1e6, and motion adds to that
 MAX_ERRORS = 20  # lasting errors of one observer's sightings: those that were used last
@@ -62,12 +63,13 @@ class Objects:
 class Known:
     """What is settled of a robot: its epoch, the sum of its motions, and how many increments in a row were left out.
 
-    `motion` is what was added to the sum last, until a team time (s), `lately` the same of the last seconds (`LATELY`).
+    `left_out`, shape (3,), counts those that tell of x, of y, and of the heading. `motion` is what was added to the sum last, until
+    a team time (s), `lately` the same of the last seconds (`LATELY`).
     """
 
     epoch: int
     travelled: Motion
-    left_out: int = 0
+    left_out: Array = field(default_factory=lambda: np.zeros(HEADING + 1))
     motion: Motion = field(default_factory=Motion)
     lately: Motion = field(default_factory=Motion)
     time: float = 0.0

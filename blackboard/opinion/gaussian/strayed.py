@@ -1,7 +1,8 @@
 """Robots that slipped or were carried: mates' sightings contradict, tick after tick, where the joint has them.
 
 Without fixes and landmarks such a robot cannot know it. Mates that see it in different ticks form no coalition, which takes the
-evidence of one tick (`coalitions.py`). So contradictions are counted over ticks, by mate, until an increment of the robot fits.
+evidence of one tick (`coalitions.py`). So contradictions are counted over ticks, by mate, until an increment of the robot fits
+that would not fit where the mate has it: a compass, or a fix that is too vague, says nothing of that.
 One mate alone may lie, or be lost itself. So two must see the robot in the same place, and be more than the mates whose sightings fit
 where the joint has it. Then one liar can neither move a robot alone, nor keep it where two honest mates do not see it. In a team of
 three one mate is enough: nobody else sees the robot.
@@ -12,7 +13,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.copying import Copyable
+from blackboard.opinion.gaussian.joint import Innovation, squared_distance
 from blackboard.opinion.grid import Array
 
 #: Ticks in which mates contradict a robot's place, or in a row in which its increments are left out. Then its pose is widened.
@@ -59,6 +62,19 @@ def displacement_of(rows: Array, residual: Array) -> Displacement:
 
 
 @dataclass(frozen=True, eq=False)
+class Fit:
+    """What an increment that was taken says beyond the joint; `rows` are its derivatives by the robot's place, shape (k, 2)."""
+
+    innovation: Innovation
+    rows: Array
+
+    def excludes(self, displacement: Displacement) -> bool:
+        """Whether it would not fit if the robot were moved so."""
+        residual = self.innovation.residual - self.rows @ displacement.vector
+        return squared_distance(residual, self.innovation.covariance) > quantile(GATE, len(residual))
+
+
+@dataclass(frozen=True, eq=False)
 class Witness:
     """What the sightings between a mate and a robot say of where the joint has the robot."""
 
@@ -91,7 +107,7 @@ class Strayed(Copyable):
     _witnesses: dict[tuple[str, str], Witness] = field(default_factory=dict)  # by robot and mate
     #: Of this tick: robot and mate -> the longest displacement by which one of their sightings would fit; None: one fits as it is.
     _now: dict[tuple[str, str], Displacement | None] = field(default_factory=dict)
-    _sure: set[str] = field(default_factory=set)  # robots of which an increment fits in this tick
+    _fits: dict[str, Fit] = field(default_factory=dict)  # by robot, of which an increment fits in this tick
     _tick: int = 0
 
     def contradict(self, robot: str, mate: str, displacement: Displacement) -> None:
@@ -104,9 +120,9 @@ class Strayed(Copyable):
         """A sighting of one of these by the other was taken: it fits where the joint has the robot."""
         self._now[robot, mate] = None
 
-    def confirm_itself(self, robot: str) -> None:
-        """An increment of a robot was taken: its own sensors have it where the joint has it."""
-        self._sure.add(robot)
+    def confirm_itself(self, robot: str, fit: Fit) -> None:
+        """An increment of a robot was taken: its own sensors may have it where the joint has it."""
+        self._fits[robot] = fit
 
     def end_tick(self, robots: int, unheard: Collection[str] = ()) -> Mapping[str, float]:
         """Who has strayed, and how far at most (unit), in a team of so many `robots`. Sightings of those `unheard` do not count.
@@ -120,8 +136,8 @@ class Strayed(Copyable):
             before = self._witnesses.get(pair, Witness())
             against = (*before.against, self._tick)[-PATIENCE:]
             self._witnesses[pair] = replace(before, against=against, displacement=displacement)
-        self._witnesses = {pair: witness for pair, witness in self._witnesses.items() if pair[0] not in self._sure}
-        contradicted = sorted({robot for (robot, _), by in self._now.items() if by is not None} - self._sure)
+        self._witnesses = {pair: its for pair, its in self._witnesses.items() if not self._is_refuted(pair[0], its)}
+        contradicted = sorted({robot for (robot, _), by in self._now.items() if by is not None})
         strayed: dict[str, float] = {}
         while True:
             out = {*unheard, *strayed}
@@ -132,8 +148,13 @@ class Strayed(Copyable):
             strayed[worst] = max(found[worst])
         for robot in strayed:
             self.forget(robot)
-        self._now, self._sure, self._tick = {}, set(), self._tick + 1
+        self._now, self._fits, self._tick = {}, {}, self._tick + 1
         return strayed
+
+    def _is_refuted(self, robot: str, witness: Witness) -> bool:
+        """Whether an increment of a robot fits, which would not where a mate has it."""
+        fit = self._fits.get(robot)
+        return fit is not None and witness.displacement is not None and fit.excludes(witness.displacement)
 
     def _lengths(self, robot: str, out: Collection[str], robots: int) -> Sequence[float]:
         """How far (unit) each mate that has a robot in the same place would move it, without who is `out`; empty: too few do."""

@@ -9,7 +9,7 @@ from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion, Nuisance, entering
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, Nuisance, entering
 
 PLACES = {"robot/r1": (0.0, 0.0), "robot/r2": (5.0, 0.0), "robot/r3": (0.0, 5.0), "robot/r4": (5.0, 5.0)}
 
@@ -40,4 +40,12 @@ def increment_at(x: float, y: float) -> Increment:
     reference, information = np.zeros(STATES), np.zeros((STATES, STATES))
     reference[AXES] = x, y
     information[AXES, AXES] = np.eye(2) / 0.04
+    return Increment(reference, information, np.zeros(STATES))
+
+
+def compass(heading: float = 0.0) -> Increment:
+    """What a robot says of its heading alone, to 0.02."""
+    reference, information = np.zeros(STATES), np.zeros((STATES, STATES))
+    reference[HEADING] = heading
+    information[HEADING, HEADING] = 1 / 0.0004
     return Increment(reference, information, np.zeros(STATES))

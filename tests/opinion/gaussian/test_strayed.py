@@ -10,12 +10,13 @@ from blackboard.opinion.gaussian.state import ABSURD
 from blackboard.opinion.gaussian.strayed import PATIENCE
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, entering
-from tests.opinion.gaussian.square import PLACES, evidence_of, increment_at, new_team, sees
+from tests.opinion.gaussian.square import PLACES, compass, evidence_of, increment_at, new_team, sees
 
 WAY = Motion(0.6, 0.0, 1.0, 1.0, along=0.01, across=0.01)  # of a tick, as r2's wheels measure it
 HERE = PLACES["robot/r2"]  # where r2 stands
 TURNS = PATIENCE  # ticks in which its wheels turn
 LONG = 3 * PATIENCE  # ticks in all
+VAGUE = 1.5  # the variance of a place that hardly contradicts another one three units away
 
 Seen = tuple[str, str, tuple[float, float]]  # who sees whom, and where
 
@@ -27,10 +28,11 @@ def settle(
     fixed: tuple[float, float] | None = None,
     robots: int = 4,
     bearing: tuple[float, float] | None = None,
+    heading: bool = False,
 ) -> None:
     """A tick in which `robots` see others, and all but r2 stand and know where; r2 does if it is `fixed` somewhere.
 
-    `bearing` is where r1 sees r2, too, of which it tells the direction alone.
+    `bearing` is where r1 sees r2, too, of which it tells the direction alone. With `heading` r2 has a compass.
     """
     news, draw = [], np.random.default_rng(tick).normal
     for robot, place in list(PLACES.items())[:robots]:
@@ -42,9 +44,12 @@ def settle(
         told = fixed if robot == "robot/r2" else place
         evidence = evidence_of(robot, tick, *relatives, increment=None if told is None else increment_at(*told))
         if robot == "robot/r2":
-            unsure = np.diag([0.04 + tick * 1.0] * 2 + [0.0004])  # alone it knows its place worse and worse
+            # alone it knows its place worse and worse; or no worse than at the beginning, where it has a compass
+            unsure = np.diag([VAGUE if heading else 0.04 + tick * 1.0] * 2 + [0.0004])
             belief = evidence.belief if fixed else entering(Moments(np.array([*led(tick), 0.0]), unsure), Nuisance())
             evidence = replace(evidence, travelled=WAY.times(min(tick, TURNS)), belief=belief)
+            if heading and fixed is None:
+                evidence = replace(evidence, increment=compass())
         news.append(evidence)
     team.settle(tick, 1.0, news)
 
@@ -64,10 +69,13 @@ def spread(team: TeamJoint, robot: str) -> float:
     return float(np.trace(team.pose(robot).covariance[AXES, AXES]))
 
 
-def test_a_robot_that_mates_see_in_turn_is_where_they_see_it() -> None:
-    team = new_team()
-    for tick in range(1, LONG):
-        settle(team, tick, ("robot/r1" if tick % 2 else "robot/r4", "robot/r2", HERE))
+@pytest.mark.parametrize("heading", [False, True])
+def test_a_robot_that_mates_see_in_turn_is_where_they_see_it(heading: bool) -> None:
+    """Before, a compass that fits in each tick said that the robot is where it is believed."""
+    team = TeamJoint()
+    team.settle(0, 1.0, [evidence_of(name, 0, variance=VAGUE if name == "robot/r2" else 0.04) for name in PLACES])
+    for tick in range(1, 2 * LONG):
+        settle(team, tick, ("robot/r1" if tick % 2 else "robot/r4", "robot/r2", HERE), heading=heading)
     assert off(team, "robot/r2", HERE) < 0.3
     assert off(team, "robot/r1", PLACES["robot/r1"]) < 0.1
 
@@ -156,3 +164,22 @@ def test_who_is_said_to_be_beyond_the_map_again_and_again_is_not_made_absurd() -
     for tick in range(1, 20 * PATIENCE):
         settle(team, tick, ("robot/r1" if tick % 2 else "robot/r4", "robot/r2", (1e6, 0.0)))
     assert spread(team, "robot/r2") < ABSURD
+
+
+def test_what_a_robot_s_fixes_say_again_and_again_is_believed_though_its_compass_fits_in_between() -> None:
+    """Before, each heading that was taken was an increment that fits, so that the fixes were left out for good."""
+    team = new_team()
+    for tick in range(1, 4 * LONG):
+        settle(team, tick, fixed=HERE if tick > TURNS and tick % 3 == 0 else None, heading=True)
+    assert off(team, "robot/r2", HERE) < 0.5
+
+
+def test_headings_that_are_misread_now_and_then_make_no_robot_less_sure() -> None:
+    team = new_team()
+    spreads = []
+    for tick in range(1, 6 * LONG):
+        news = [evidence_of(robot, tick, increment=increment_at(*place)) for robot, place in PLACES.items()]
+        news[1] = replace(news[1], increment=compass(1.0 if tick % 6 == 0 else 0.0))
+        team.settle(tick, 1.0, news)
+        spreads.append(spread(team, "robot/r2"))
+    assert max(spreads) < 1.1 * spreads[0]
