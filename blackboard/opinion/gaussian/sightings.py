@@ -156,7 +156,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
         motions = {**motions, subject: known.motion}
     factor = linearise(team.joint, relative, motions)
     if not robot:
-        factor = of_object(team, relative, factor, motions)
+        factor = _as_disputed(team, relative, of_object(team, relative, factor, motions), motions)
     expected = team.joint.expected(factor)
     wider = _judged(team, relative, factor, expected.innovation(factor))
     if wider is None:
@@ -192,9 +192,11 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
     by = team.outvoted(subject, observer) or team.outvoted(observer, subject)
     fits = squared <= quantile(GATE, innovation.freedom)
     agrees = fits and not by and not team.contradict(observer, subject)
-    # Of two robots that contradict each other, the one that placed the object first is believed.
+    # Of two robots that contradict each other, the one that placed the object first is believed, until they dispute it.
     if not subject.startswith("robot/"):
-        agrees = agrees and not any(team.contacts.contradict(observer, o) for o in team.vouching(subject, observer))
+        majority = team.majority(observer, subject)
+        first = not any(team.contacts.contradict(observer, o) for o in team.vouching(subject, observer))
+        agrees = agrees and majority >= 0 and (first or majority == 0)
     believed = not {observer, subject} & team.left_out
     taken = agrees and believed
     if subject.startswith("robot/") and relative.mark is None and believed and not team.doubts(observer):
@@ -214,6 +216,7 @@ def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapp
     observer, subject = relative.observer, relative.subject
     moves = team.moved_by_sighting(relative)
     is_doubted = team.freshness.doubts(observer) or (moves is not None and subject not in moves)
+    is_doubted = is_doubted or team.majority(observer, subject) <= 0
     if observer in team.left_out or len(factor.residual) < 2 or is_doubted:
         return factor
     seen = _placed(team, relative, factor, motions)
@@ -222,6 +225,31 @@ def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapp
         return factor
     team.shift(subject, pushed)
     return _linearised_at(seen.mean, team, relative, motions)
+
+
+def _as_disputed(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Factor:
+    """A sighting of an object, held against what others see of it: in a dispute both count the same, however sure they are.
+
+    An object that only doubted robots have placed begins anew where another one sees it.
+    """
+    observer, subject = relative.observer, relative.subject
+    if not relative.places or relative.mark is not None or team.doubts(observer) or subject not in team.joint:
+        return factor
+    innovation = team.joint.innovation(factor)
+    if innovation.squared > quantile(GATE, innovation.freedom) and team.rests_on_doubted(subject, observer):
+        team.forget_object(subject)
+        return linearise(team.joint, relative, motions)
+    way = displacement_of(factor.jacobians[subject][:, AXES], innovation.residual).vector
+    if way @ way > team.naming.area:  # no place on the map
+        return factor
+    team.disputes.on_sighting(observer, subject, factor, innovation)
+    if team.majority(observer, subject) != 0:
+        return factor
+    team.walks.forget(subject)
+    beyond = squared_distance(way, team.marginal(subject).covariance)
+    if beyond > 1.0:  # where another one sees it is within its error
+        team.shift(subject, Moments(np.zeros(2), (1.0 - 1.0 / beyond) * np.outer(way, way)))
+    return factor.widened(team.disputes.noise(observer, subject))
 
 
 def _linearised_at(place: Array, team: TeamState, relative: Relative, motions: Mapping[str, Motion]) -> Factor:

@@ -15,6 +15,7 @@ from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Contacts
 from blackboard.opinion.gaussian.copying import Copyable
+from blackboard.opinion.gaussian.disputes import Disputes
 from blackboard.opinion.gaussian.evidence import UnusedCounts, Verdict
 from blackboard.opinion.gaussian.freshness import Freshness
 from blackboard.opinion.gaussian.influence import Influence
@@ -94,6 +95,7 @@ class TeamState(Copyable):
     offsets: Offsets = field(default_factory=Offsets)
     influence: Influence = field(default_factory=Influence)
     freshness: Freshness = field(default_factory=Freshness)
+    disputes: Disputes = field(default_factory=Disputes)
     strayed: Strayed = field(default_factory=Strayed)
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
@@ -150,6 +152,7 @@ class TeamState(Copyable):
         self.drop(name)
         self.trust.forget(name)
         self.walks.forget(name)
+        self.disputes.forget(name)
         self.seen.pop(name, None)
 
     def rename(self, old: str, new: str) -> None:
@@ -180,9 +183,9 @@ class TeamState(Copyable):
         return self._of({robot} if self.doubts(robot) else set())
 
     def moved_by_sighting(self, relative: Relative) -> list[Block] | None:
-        """The same of a sighting: of a track that alone, else the ends that are doubted, or an object that only such a robot sees."""
+        """The same of a sighting: of a track or what is in dispute that alone, else doubted ends, or an object that only these see."""
         observer, subject = relative.observer, relative.subject
-        if subject in self.tracks:
+        if subject in self.tracks or self.majority(observer, subject) == 0:
             return [subject]
         doubted = {end for end in (observer, subject) if self.doubts(end)}
         if self.freshness.doubts(observer) and subject not in self.known and not self.vouching(subject, observer):
@@ -198,6 +201,20 @@ class TeamState(Copyable):
     def doubts(self, robot: str) -> bool:
         """Whether what a robot sees keeps one side, or tells nothing new."""
         return self.offsets.doubts(robot) or self.freshness.doubts(robot)
+
+    def majority(self, observer: str, subject: str) -> int:
+        """By how many more robots see an object where an observer does, it included, than elsewhere; a tie is a dispute."""
+        differing = {robot for robot in self.disputes.differing(observer, subject) if self._is_heard(robot)}
+        agreeing = [robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)]
+        return 1 + len(set(agreeing) - differing) - len(differing)
+
+    def _is_heard(self, robot: str) -> bool:
+        return robot not in self.left_out and not self.doubts(robot)
+
+    def rests_on_doubted(self, subject: str, observer: str) -> bool:
+        """Whether only robots that are doubted have seen an object where it is, and an observer is not among these."""
+        observers = set(self.trust.observers(subject)) - {observer}
+        return bool(observers) and not any(self._is_heard(robot) for robot in observers)
 
     def vouching(self, subject: str, observer: str) -> list[str]:
         """Who else has seen a subject, mostly agreed, and is not doubted."""

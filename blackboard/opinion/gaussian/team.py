@@ -224,6 +224,7 @@ class TeamJoint(TeamState):
         self.forget_errors(dt)
         self.offsets.pass_time(dt)
         self.freshness.pass_time(dt)
+        self.disputes.pass_time(dt)
         self.tracks.pass_time(dt)
         pass_absent(self, dt)
         self.elapsed += dt

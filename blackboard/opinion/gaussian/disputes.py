@@ -1,0 +1,101 @@
+"""Whether two robots keep seeing one object at different places: then what they see of it moves no robot.
+
+The innovations of what each sees of an object are white where all models hold (Mehra, IEEE TAC 15, 1970), and keep one side where the
+object moves as no model has it. Both robots see that alike. So what counts is the difference between the offsets of two robots.
+Where more robots differ from one than agree with it, what it sees of the object is left out. Of two alone nobody can tell which is
+wrong. Then both count the same, however sure each says that it is, and the object is between them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.copying import Copyable
+from blackboard.opinion.gaussian.joint import Factor, Innovation, squared_distance
+from blackboard.opinion.gaussian.offsets import LEAST, MEMORY, NONE, OffsetScore
+from blackboard.opinion.gaussian.vehicle import AXES
+
+NEW = math.exp(-1.0 / MEMORY)  # share that is left of what was seen a second ago
+MOST = 6.0  # squared distance that a sighting counts with at most: a kick, or a misread, is no dispute
+DISPUTED = 10.0  # times the variance of what is disputed, so that an object does not follow the one that spoke last
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What an observer saw of an object lately: the score of an offset; of its newest sighting variance and squared error (unit^2)."""
+
+    score: OffsetScore
+    variance: float
+    error: float
+
+    def differs(self, other: View) -> bool:
+        """Whether the offsets of both differ by more than 99.9 % of those that are the same."""
+        try:
+            ways = [np.linalg.inv(view.score.covariance) for view in (self, other)]
+        except np.linalg.LinAlgError:
+            return False
+        apart = ways[0] @ self.score.gradient - ways[1] @ other.score.gradient
+        return squared_distance(apart, ways[0] + ways[1]) > quantile(GATE, 2)
+
+
+@dataclass
+class Disputes(Copyable):
+    """Mutable; `pass_time` once per tick, `on_sighting` once per sighting of an object, before it is taken."""
+
+    _views: dict[str, dict[str, View]] = field(default_factory=dict)  # object -> observer -> what it saw
+    #: Object, and two observers that differ, sorted -> for how many seconds more they do.
+    _held: dict[tuple[str, str, str], float] = field(default_factory=dict)
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` seconds pass."""
+        keep = math.exp(-dt / MEMORY)
+        self._views = {
+            subject: {
+                observer: replace(view, score=view.score.faded(keep))
+                for observer, view in views.items()
+                if view.score.share * keep > LEAST
+            }
+            for subject, views in self._views.items()
+            if views
+        }
+        self._held = {of: left - dt for of, left in self._held.items() if left > dt}
+
+    def on_sighting(self, observer: str, subject: str, factor: Factor, innovation: Innovation) -> None:
+        """Take a sighting of an object that has range and bearing against what is expected."""
+        ways = factor.jacobians[subject][:, AXES]
+        residual = innovation.residual * math.sqrt(MOST / max(innovation.squared, MOST))
+        both = ways.T @ np.linalg.solve(innovation.covariance, np.column_stack([ways, residual]))
+        views = self._views.setdefault(subject, {})
+        before = views[observer].score if observer in views else NONE
+        back = np.linalg.pinv(ways)
+        way, variance = back @ innovation.residual, float(np.trace(back @ factor.noise @ back.T))
+        mine = views[observer] = View(before.plus(OffsetScore(both[:, 2], both[:, :2])), variance, float(way @ way))
+        for other, its in views.items():
+            if other != observer and its.score.share > NEW and mine.differs(its):
+                one, two = sorted((observer, other))
+                self._held[subject, one, two] = MEMORY
+
+    def differing(self, observer: str, subject: str) -> set[str]:
+        """Who saw an object elsewhere than an observer in the last `MEMORY` seconds."""
+        pairs = [{one, two} for of, one, two in self._held if of == subject and observer in (one, two)]
+        return set().union(*pairs) - {observer}
+
+    def seeing(self, subject: str) -> list[str]:
+        """Who has seen an object in the last second."""
+        return [observer for observer, view in self._views.get(subject, {}).items() if view.score.share > NEW]
+
+    def noise(self, observer: str, subject: str) -> float:
+        """Times the variance of what an observer sees of a disputed object, so that all who see it now count the same."""
+        views = self._views[subject]
+        now = [views[name] for name in {observer, *self.seeing(subject)}]
+        shared = min(view.variance for view in now) + max(view.error for view in now)
+        return DISPUTED * shared / views[observer].variance
+
+    def forget(self, subject: str) -> None:
+        """An object is gone, or begins anew."""
+        self._views.pop(subject, None)
+        self._held = {of: left for of, left in self._held.items() if of[0] != subject}

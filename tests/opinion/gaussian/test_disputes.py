@@ -1,0 +1,110 @@
+"""Two robots that see one object at two places: it is between them, and moves neither."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, Motion
+from tests.opinion.gaussian.square import PLACES, evidence_of, new_team, sees
+
+BALL, HERE, THERE = "object/ball", (2.0, 2.0), (2.0, 6.0)
+TICKS = 40
+Place = tuple[float, float]
+
+
+def settle(team: TeamJoint, tick: int, seen: dict[str, Place | None], *, sure: float = 1.0, noise: float = 0.1) -> None:
+    """A tick in which robots say where they see the ball; r1 claims a variance that is divided by `sure`. r1 alone moves."""
+    draw, news = np.random.default_rng(tick).normal, []
+    for robot in PLACES:
+        place = seen.get(robot)
+        relatives = []
+        if place is not None:
+            relative = sees(robot, BALL, (place[0] + noise * draw(), place[1] + noise * draw()))
+            by = sure if robot == "robot/r1" else 1.0
+            variances = {
+                "range_variance": relative.range_variance / by,
+                "bearing_variance": relative.bearing_variance / by,
+            }
+            relatives = [replace(relative, **variances)]
+        evidence = evidence_of(robot, tick, *relatives)
+        if robot == "robot/r1":
+            evidence = replace(evidence, travelled=Motion(dt=tick, moving=tick))
+        news.append(evidence)
+    team.settle(tick, 1.0, news)
+
+
+def off(team: TeamJoint, subject: str, at: Place) -> float:
+    return float(np.hypot(*(team.marginal(subject).mean[AXES] - at)))
+
+
+def moved(team: TeamJoint) -> float:
+    """How far the robot is, but for r1, that is farthest from where it stands."""
+    return max(off(team, robot, place) for robot, place in PLACES.items() if robot != "robot/r1")
+
+
+@pytest.mark.parametrize("sure", [1.0, 25.0])
+def test_an_object_is_between_two_robots_that_see_it_at_two_places(sure: float) -> None:
+    """Before, it was where it had been placed first."""
+    team = new_team()
+    for tick in range(1, TICKS):
+        settle(team, tick, {"robot/r1": HERE, "robot/r2": THERE if tick > 5 else None}, sure=sure)
+    assert off(team, BALL, (2.0, 4.0)) < 1.0
+    assert float(np.trace(team.marginal(BALL).covariance)) > 1.0
+    assert moved(team) < 0.2
+
+
+def test_who_tells_an_object_aside_of_where_it_was_agreed_leads_it_no_farther_than_that_and_moves_no_robot() -> None:
+    """Before, it took the object and the robot that sees it along, a step in each tick."""
+    team, step = new_team(), 0.5
+    settle(team, 1, {"robot/r2": HERE})
+    for tick in range(2, 2 * TICKS):
+        x, y = team.marginal(BALL).mean
+        settle(team, tick, {"robot/r1": (x + step, y), "robot/r2": HERE}, sure=25.0)
+    assert off(team, BALL, HERE) < 2 * step
+    assert moved(team) < step
+
+
+def test_an_object_is_where_two_see_it_and_not_where_a_third_one_does() -> None:
+    team = new_team()
+    for tick in range(1, TICKS):
+        settle(team, tick, {"robot/r1": THERE, "robot/r2": HERE, "robot/r3": HERE}, sure=25.0)
+    assert off(team, BALL, HERE) < 0.3
+    assert moved(team) < 0.2
+
+
+def stands(tick: int) -> Place:
+    return HERE
+
+
+def is_kicked(tick: int) -> Place:
+    return HERE if tick % 20 < 10 else THERE
+
+
+def rolls(tick: int) -> Place:
+    return 0.3 * abs((tick + 10) % 20 - 10), 2.0
+
+
+@pytest.mark.parametrize("motion", [stands, is_kicked, rolls])
+def test_honest_robots_do_not_dispute_how_an_object_moves(motion: Callable[[int], Place]) -> None:
+    for first in range(0, 1000, 100):
+        team = new_team()
+        for tick in range(first + 1, first + 2 * TICKS):
+            place = motion(tick)
+            settle(team, tick, {"robot/r1": place, "robot/r2": place, "robot/r3": place if tick % 3 else None})
+            assert all(team.majority(robot, BALL) > 0 for robot in PLACES)
+
+
+def test_an_object_that_only_a_doubted_robot_has_placed_is_where_another_one_sees_it() -> None:
+    """Before, the second one was left out as long as the first one's place was believed to be sure."""
+    team = new_team()
+    for tick in range(1, TICKS):
+        x, y = team.marginal(BALL).mean if team.knows(BALL) else HERE
+        settle(team, tick, {"robot/r1": (x + 0.1, y)}, noise=0.0)
+    assert team.doubts("robot/r1")
+    assert off(team, BALL, HERE) > 1.0
+    for tick in range(TICKS, TICKS + 3):
+        settle(team, tick, {"robot/r2": HERE})
+    assert off(team, BALL, HERE) < 0.3
