@@ -3,7 +3,8 @@
 The innovations of what each sees of an object are white where all models hold (Mehra, IEEE TAC 15, 1970), and keep one side where the
 object moves as no model has it. Both robots see that alike. So what counts is the difference between the offsets of two robots.
 Where more robots differ from one than agree with it, what it sees of the object is left out. Of two alone nobody can tell which is
-wrong. Then both count the same, however sure each says that it is, and the object is between them.
+wrong. Then both count the same, however sure each says that it is, and the object is between them. While one of them looks alone,
+what it sees is left out, for at most `MEMORY` seconds.
 """
 
 from __future__ import annotations
@@ -18,19 +19,20 @@ from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Factor, Innovation, squared_distance
 from blackboard.opinion.gaussian.offsets import LEAST, MEMORY, NONE, OffsetScore
 from blackboard.opinion.gaussian.vehicle import AXES
+from blackboard.opinion.grid import Array
 
-NEW = math.exp(-1.0 / MEMORY)  # share that is left of what was seen a second ago
+NEW = math.exp(-2.0 / MEMORY)  # share that is left of what was seen two seconds ago; some robots tick once a second
 MOST = 6.0  # squared distance that a sighting counts with at most: a kick, or a misread, is no dispute
 DISPUTED = 10.0  # times the variance of what is disputed, so that an object does not follow the one that spoke last
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What an observer saw of an object lately: the score of an offset; of its newest sighting variance and squared error (unit^2)."""
+    """What an observer saw of an object lately: the score of an offset; where it saw it last, shape (2,), and the variance of that."""
 
     score: OffsetScore
-    variance: float
-    error: float
+    place: Array
+    variance: float  # unit^2, along both axes together
 
     def differs(self, other: View) -> bool:
         """Whether the offsets of both differ by more than 99.9 % of those that are the same."""
@@ -40,6 +42,14 @@ class View:
             return False
         apart = ways[0] @ self.score.gradient - ways[1] @ other.score.gradient
         return squared_distance(apart, ways[0] + ways[1]) > quantile(GATE, 2)
+
+    def is_apart(self, other: View) -> bool:
+        """Whether both saw it farther apart than 99.9 % of what is at one place."""
+        return self.squared(other) > quantile(GATE, 2) * 0.5 * (self.variance + other.variance)
+
+    def squared(self, other: View) -> float:
+        """The squared distance (unit^2) of both places."""
+        return float(np.square(self.place - other.place).sum())
 
 
 @dataclass
@@ -64,20 +74,26 @@ class Disputes(Copyable):
         }
         self._held = {of: left - dt for of, left in self._held.items() if left > dt}
 
-    def on_sighting(self, observer: str, subject: str, factor: Factor, innovation: Innovation) -> None:
-        """Take a sighting of an object that has range and bearing against what is expected."""
+    def on_sighting(
+        self, observer: str, subject: str, factor: Factor, innovation: Innovation, place: Array, lasting: float
+    ) -> None:
+        """Take a sighting of an object, which puts that at a place, shape (2,), against what is expected.
+
+        `lasting` is the variance (unit^2) of where the observer is.
+        """
         ways = factor.jacobians[subject][:, AXES]
         residual = innovation.residual * math.sqrt(MOST / max(innovation.squared, MOST))
         both = ways.T @ np.linalg.solve(innovation.covariance, np.column_stack([ways, residual]))
         views = self._views.setdefault(subject, {})
         before = views[observer].score if observer in views else NONE
-        back = np.linalg.pinv(ways)
-        way, variance = back @ innovation.residual, float(np.trace(back @ factor.noise @ back.T))
-        mine = views[observer] = View(before.plus(OffsetScore(both[:, 2], both[:, :2])), variance, float(way @ way))
-        for other, its in views.items():
-            if other != observer and its.score.share > NEW and mine.differs(its):
-                one, two = sorted((observer, other))
-                self._held[subject, one, two] = MEMORY
+        back = np.linalg.inv(ways)
+        variance = float(np.trace(back @ factor.noise @ back.T)) + lasting
+        mine = views[observer] = View(before.plus(OffsetScore(both[:, 2], both[:, :2])), place, variance)
+        for other in self.seeing(subject):
+            one, two = sorted((observer, other))
+            of = subject, one, two
+            if other != observer and (mine.differs(views[other]) or (of in self._held and mine.is_apart(views[other]))):
+                self._held[of] = MEMORY
 
     def differing(self, observer: str, subject: str) -> set[str]:
         """Who saw an object elsewhere than an observer in the last `MEMORY` seconds."""
@@ -85,15 +101,14 @@ class Disputes(Copyable):
         return set().union(*pairs) - {observer}
 
     def seeing(self, subject: str) -> list[str]:
-        """Who has seen an object in the last second."""
+        """Who has seen an object in the last two seconds."""
         return [observer for observer, view in self._views.get(subject, {}).items() if view.score.share > NEW]
 
-    def noise(self, observer: str, subject: str) -> float:
-        """Times the variance of what an observer sees of a disputed object, so that all who see it now count the same."""
-        views = self._views[subject]
-        now = [views[name] for name in {observer, *self.seeing(subject)}]
-        shared = min(view.variance for view in now) + max(view.error for view in now)
-        return DISPUTED * shared / views[observer].variance
+    def noise(self, subject: str) -> float:
+        """The variance (unit^2, along each axis) with which each sighting of a disputed object counts, whoever tells it."""
+        now = [self._views[subject][observer] for observer in self.seeing(subject)]
+        apart = max(view.squared(other) for view in now for other in now)
+        return 0.5 * DISPUTED * (min(view.variance for view in now) + 0.25 * apart)
 
     def forget(self, subject: str) -> None:
         """An object is gone, or begins anew."""

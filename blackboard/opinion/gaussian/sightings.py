@@ -157,6 +157,9 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     factor = linearise(team.joint, relative, motions)
     if not robot:
         factor = _as_disputed(team, relative, of_object(team, relative, factor, motions), motions)
+        if team.waits(observer, subject):
+            team.tally.silent += 1
+            return
     expected = team.joint.expected(factor)
     wider = _judged(team, relative, factor, expected.innovation(factor))
     if wider is None:
@@ -188,13 +191,14 @@ def _has_room(team: TeamState, subject: str, observer: str) -> bool:
 def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Innovation) -> Factor | None:
     """What is taken of a sighting, with the noise that its observer's have shown to have; None: nothing."""
     observer, subject = relative.observer, relative.subject
-    factor, squared = team.weighed((observer, "relative"), factor, innovation, relative.noisier)
+    majority, squared = team.majority(observer, subject), innovation.squared
+    if majority != 0:  # what is in dispute does not count with its observer's noise
+        factor, squared = team.weighed((observer, "relative"), factor, innovation, relative.noisier)
     by = team.outvoted(subject, observer) or team.outvoted(observer, subject)
     fits = squared <= quantile(GATE, innovation.freedom)
     agrees = fits and not by and not team.contradict(observer, subject)
     # Of two robots that contradict each other, the one that placed the object first is believed, until they dispute it.
     if not subject.startswith("robot/"):
-        majority = team.majority(observer, subject)
         first = not any(team.contacts.contradict(observer, o) for o in team.vouching(subject, observer))
         agrees = agrees and majority >= 0 and (first or majority == 0)
     believed = not {observer, subject} & team.left_out
@@ -233,23 +237,29 @@ def _as_disputed(team: TeamState, relative: Relative, factor: Factor, motions: M
     An object that only doubted robots have placed begins anew where another one sees it.
     """
     observer, subject = relative.observer, relative.subject
-    if not relative.places or relative.mark is not None or team.doubts(observer) or subject not in team.joint:
+    unknown = subject not in team.joint or relative.mark is not None
+    if len(factor.residual) != 2 or not relative.places or unknown or team.doubts(observer):
         return factor
-    innovation = team.joint.innovation(factor)
-    if innovation.squared > quantile(GATE, innovation.freedom) and team.rests_on_doubted(subject, observer):
-        team.forget_object(subject)
-        return linearise(team.joint, relative, motions)
+    innovation, usual = team.joint.innovation(factor), factor
+    if innovation.squared > quantile(GATE, innovation.freedom):
+        if team.rests_on_doubted(subject, observer):
+            team.forget_object(subject)
+            return linearise(team.joint, relative, motions)
+        factor = _linearised_at(projected(team.joint, relative, motions.get(observer)).mean, team, relative, motions)
+        innovation = team.joint.innovation(factor)
     way = displacement_of(factor.jacobians[subject][:, AXES], innovation.residual).vector
     if way @ way > team.naming.area:  # no place on the map
-        return factor
-    team.disputes.on_sighting(observer, subject, factor, innovation)
+        return usual
+    place, lasting = team.marginal(subject).mean + way, float(np.trace(team.marginal(observer).covariance))
+    team.disputes.on_sighting(observer, subject, factor, innovation, place, lasting)
     if team.majority(observer, subject) != 0:
-        return factor
+        return usual
     team.walks.forget(subject)
     beyond = squared_distance(way, team.marginal(subject).covariance)
     if beyond > 1.0:  # where another one sees it is within its error
         team.shift(subject, Moments(np.zeros(2), (1.0 - 1.0 / beyond) * np.outer(way, way)))
-    return factor.widened(team.disputes.noise(observer, subject))
+    rows = factor.jacobians[subject][:, AXES]
+    return replace(factor, noise=team.disputes.noise(subject) * rows @ rows.T)
 
 
 def _linearised_at(place: Array, team: TeamState, relative: Relative, motions: Mapping[str, Motion]) -> Factor:

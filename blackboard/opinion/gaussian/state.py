@@ -208,6 +208,11 @@ class TeamState(Copyable):
         agreeing = [robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)]
         return 1 + len(set(agreeing) - differing) - len(differing)
 
+    def waits(self, observer: str, subject: str) -> bool:
+        """Whether an object is in dispute, and none of those who see it elsewhere is looking now."""
+        others = self.disputes.differing(observer, subject)
+        return self.majority(observer, subject) == 0 and others.isdisjoint(self.disputes.seeing(subject))
+
     def _is_heard(self, robot: str) -> bool:
         return robot not in self.left_out and not self.doubts(robot)
 
