@@ -166,12 +166,16 @@ class DissentJudge:
         for name in sorted(self._left_out):
             self._name(name, time)
 
-    def camps_about(self, subject: str, taken: Collection[str]) -> list[wire.Camp]:
-        """The opposed camps of a joint, where the subject is in one; their weights are the shares of the evidence that was taken."""
-        camps = [camp for camp in self.camps.get("", []) if subject in camp]
-        if not camps:
-            return []
-        whole = [frozenset(robot.removeprefix("robot/") for robot in camp) for camp in self.camps[""]]
+    def camps_about(
+        self, subject: str, taken: Collection[str], disputing: Sequence[Collection[str]] = ()
+    ) -> list[wire.Camp]:
+        """The opposed camps of a joint, where the subject is in one, or those that are `disputing` it.
+
+        Their weights are the shares of the evidence that was taken.
+        """
+        camps = self.camps.get("", [])
+        opposed = camps if any(subject in camp for camp in camps) else disputing
+        whole = [frozenset(robot.removeprefix("robot/") for robot in camp) for camp in opposed]
         return _camps(whole, {source.removeprefix("robot/"): 1.0 for source in taken})
 
     # --- what came of it ------------------------------------------------------------------------------------------------

@@ -192,7 +192,7 @@ class JointDesk:
         if self._culprits.is_barred(subject, time):
             left_out[subject] = "its evidence breaks the joint"
         choice = self.team.tally.choices.get(subject)
-        camps = self.dissent.camps_about(subject, taken)
+        camps = self.dissent.camps_about(subject, taken, self.team.disputing(subject))
         if choice is not None and choice.outvoted:
             left_out[PREDICTION] = f"contradicted by {names(choice.members)}"
         return make(

@@ -213,6 +213,14 @@ class TeamState(Copyable):
         others = self.disputes.differing(observer, subject)
         return self.majority(observer, subject) == 0 and others.isdisjoint(self.disputes.seeing(subject))
 
+    def disputing(self, subject: str) -> list[frozenset[str]]:
+        """The equally large groups of robots that see an object at two places; empty without a dispute."""
+        for robot in self.disputes.seeing(subject):
+            if self._is_heard(robot) and self.majority(robot, subject) == 0:
+                others = frozenset(filter(self._is_heard, self.disputes.differing(robot, subject)))
+                return [frozenset(filter(self._is_heard, self.disputes.seeing(subject))) - others, others]
+        return []
+
     def _is_heard(self, robot: str) -> bool:
         return robot not in self.left_out and not self.doubts(robot)
 

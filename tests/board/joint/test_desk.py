@@ -148,6 +148,17 @@ def test_who_contradicts_the_joint_is_named_with_the_reason() -> None:
     assert float(reason[1]) > 3.7
 
 
+def test_who_sees_an_object_at_two_places_is_told_as_two_camps() -> None:
+    desk = new_desk()
+    for tick in range(8):
+        desk.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sighting("object/ball", 5.0)), own=True)
+        desk.take_evidence("r2", tick, 0.2 * tick, at(25, 10, sees=sighting("object/ball", 5.0)), own=True)
+        consensuses = desk.settle(0.2 * tick, MAKE)
+    (ball,) = (consensus for consensus in consensuses if consensus.subject == "object/ball")
+    assert ball.conflict
+    assert sorted(camp.sources for camp in ball.camps) == [["r1"], ["r2"]]
+
+
 def test_what_is_kept_is_bounded() -> None:
     desk = new_desk()
     for i in range(MAX_ROBOTS):

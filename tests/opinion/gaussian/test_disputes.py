@@ -52,6 +52,7 @@ def test_an_object_is_between_two_robots_that_see_it_at_two_places(sure: float) 
     for tick in range(1, TICKS):
         settle(team, tick, {"robot/r1": HERE, "robot/r2": THERE if tick > 5 else None}, sure=sure)
     assert off(team, BALL, (2.0, 4.0)) < 1.0
+    assert set(team.disputing(BALL)) == {frozenset({"robot/r1"}), frozenset({"robot/r2"})}
     assert float(np.trace(team.marginal(BALL).covariance)) > 1.0
     assert moved(team) < 0.2
 
@@ -73,6 +74,7 @@ def test_an_object_is_where_two_see_it_and_not_where_a_third_one_does() -> None:
         settle(team, tick, {"robot/r1": THERE, "robot/r2": HERE, "robot/r3": HERE}, sure=25.0)
     assert off(team, BALL, HERE) < 0.3
     assert moved(team) < 0.2
+    assert not team.disputing(BALL)
 
 
 def stands(tick: int) -> Place:
