@@ -184,7 +184,7 @@ class TeamJoint(TeamState):
         ends = {robot: known.time for robot, known in self.known.items()} | {
             r: evidence.time for r, evidence in news.items()
         }
-        if len(set(ends.values())) < 2:
+        if len(set(ends.values())) < 2 and not self.early:
             return news
         return {robot: self._without_early(evidence, ends, news) for robot, evidence in news.items()}
 
