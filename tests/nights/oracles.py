@@ -233,24 +233,24 @@ class ProvenanceIsWhole(Oracle):
 
 
 class TheNewestCounts(Oracle):
-    """By a world's clock no board goes back to something older of a source than what it used before."""
+    """By a world's clock no board goes back to something older of a source than what it used before in a run."""
 
     sees = (Began, Said)
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
-        self._newest: dict[
-            str, tuple[float, dict[tuple[str, ...], float]]
-        ] = {}  # process -> time, and the stamps it used
+        self._boards: dict[str, BoardService] = {}  # by process
+        self._newest: dict[tuple[str, str], dict[tuple[str, ...], float]] = {}  # process and run -> the stamps it used
 
     def see(self, event: Event) -> None:
         if isinstance(event, Began):
-            self._newest.pop(event.process, None)
+            if isinstance(event.service, BoardService):
+                self._boards[event.process] = event.service
+                self._newest = {of: stamps for of, stamps in self._newest.items() if of[0] != event.process}
         elif isinstance(event, Said) and isinstance(event.message, Consensus) and event.message.level == "consensus":
             message, usable = event.message, self.night.team.mode != "free" and self.night.is_honest
-            time, stamps = self._newest.get(event.process, (-math.inf, {}))
-            stamps = stamps if message.time >= time else {}  # another run
-            self._newest[event.process] = message.time, stamps
+            board = self._boards.get(event.process)
+            stamps = self._newest.setdefault((event.process, board.clock.run if board else ""), {})
             for used in message.used if usable else ():
                 source = message.subject, used.source, used.how
                 stamp, before = message.time - used.age, stamps.get(source, -math.inf)
