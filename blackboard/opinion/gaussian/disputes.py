@@ -56,7 +56,7 @@ class View:
 class Disputes(Copyable):
     """Mutable; `pass_time` once per tick, `on_sighting` once per sighting of an object, before it is taken."""
 
-    _views: dict[str, dict[str, View]] = field(default_factory=dict)  # object -> observer -> what it saw
+    _views: dict[tuple[str, str], View] = field(default_factory=dict)  # object and observer -> what it saw
     #: Object, and two observers that differ, sorted -> for how many seconds more they do.
     _held: dict[tuple[str, str, str], float] = field(default_factory=dict)
 
@@ -64,13 +64,9 @@ class Disputes(Copyable):
         """Let `dt` seconds pass."""
         keep = math.exp(-dt / MEMORY)
         self._views = {
-            subject: {
-                observer: replace(view, score=view.score.faded(keep))
-                for observer, view in views.items()
-                if view.score.share * keep > LEAST
-            }
-            for subject, views in self._views.items()
-            if views
+            of: replace(view, score=view.score.faded(keep))
+            for of, view in self._views.items()
+            if view.score.share * keep > LEAST
         }
         self._held = {of: left - dt for of, left in self._held.items() if left > dt}
 
@@ -84,16 +80,16 @@ class Disputes(Copyable):
         ways = factor.jacobians[subject][:, AXES]
         residual = innovation.residual * math.sqrt(MOST / max(innovation.squared, MOST))
         both = ways.T @ np.linalg.solve(innovation.covariance, np.column_stack([ways, residual]))
-        views = self._views.setdefault(subject, {})
-        before = views[observer].score if observer in views else NONE
+        last = self._views.get((subject, observer))
+        score = (NONE if last is None else last.score).plus(OffsetScore(both[:, 2], both[:, :2]))
         back = np.linalg.inv(ways)
         variance = float(np.trace(back @ factor.noise @ back.T)) + lasting
-        mine = views[observer] = View(before.plus(OffsetScore(both[:, 2], both[:, :2])), place, variance)
+        mine = self._views[subject, observer] = View(score, place, variance)
         for other in self.seeing(subject):
-            one, two = sorted((observer, other))
-            of = subject, one, two
-            if other != observer and (mine.differs(views[other]) or (of in self._held and mine.is_apart(views[other]))):
-                self._held[of] = MEMORY
+            (one, two), its = sorted((observer, other)), self._views[subject, other]
+            is_held = (subject, one, two) in self._held
+            if other != observer and (mine.differs(its) or (is_held and mine.is_apart(its))):
+                self._held[subject, one, two] = MEMORY
 
     def differing(self, observer: str, subject: str) -> set[str]:
         """Who saw an object elsewhere than an observer in the last `MEMORY` seconds."""
@@ -102,15 +98,15 @@ class Disputes(Copyable):
 
     def seeing(self, subject: str) -> list[str]:
         """Who has seen an object in the last two seconds."""
-        return [observer for observer, view in self._views.get(subject, {}).items() if view.score.share > NEW]
+        return [observer for (of, observer), view in self._views.items() if of == subject and view.score.share > NEW]
 
     def noise(self, subject: str) -> float:
         """The variance (unit^2, along each axis) with which each sighting of a disputed object counts, whoever tells it."""
-        now = [self._views[subject][observer] for observer in self.seeing(subject)]
+        now = [self._views[subject, observer] for observer in self.seeing(subject)]
         apart = max(view.squared(other) for view in now for other in now)
         return 0.5 * DISPUTED * (min(view.variance for view in now) + 0.25 * apart)
 
     def forget(self, subject: str) -> None:
         """An object is gone, or begins anew."""
-        self._views.pop(subject, None)
+        self._views = {of: view for of, view in self._views.items() if of[0] != subject}
         self._held = {of: left for of, left in self._held.items() if of[0] != subject}
