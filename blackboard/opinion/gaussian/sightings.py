@@ -24,6 +24,7 @@ from blackboard.opinion.grid import Array
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
 TOGETHER = 32  # sightings that are taken in one update, and as many as one robot has
 STRAIGHT = 0.01  # of its sigma: what a straight line may miss of a sighting before that is linearised anew
+FARTHEST = 10.0  # widths of the map: what is said to be farther away is no sighting of an object
 ALONE = 4  # objects that one robot alone has seen and that tell it how it moved: together less than its odometry does
 
 
@@ -40,7 +41,9 @@ def see(
     Sightings of mates are taken together, but for those that move one end alone; then the others are, one by one. `doubts` are
     sightings of which it is not clear whose they are: they are held against the joint, too. `apart` are objects to be set aside.
     """
-    seen = [team.as_found(sighting) for evidence in news if evidence.robot in heard for sighting in _own(evidence)]
+    told = [sighting for evidence in news if evidence.robot in heard for sighting in _own(evidence)]
+    seen = [team.as_found(sighting) for sighting in told if not _is_off_map(team, sighting)]
+    team.tally.silent += len(told) - len(seen)
     doubts = [team.as_found(sighting) for sighting in doubts]
     known = {name for sighting in (*seen, *doubts) for name in (sighting.observer, sighting.subject)} & {
         *heard,
@@ -83,6 +86,12 @@ def batches(news: Iterable[Evidence]) -> Iterator[list[Evidence]]:
             part = []
     if part:
         yield part
+
+
+def _is_off_map(team: TeamState, sighting: Relative) -> bool:
+    """Whether an object is said to be farther away than any sensor sees it: no way back from there leaves a number."""
+    away = 0.0 if sighting.kind == "bearing" or sighting.subject.startswith("robot/") else sighting.range
+    return away**2 > FARTHEST**2 * team.naming.area
 
 
 def _own(evidence: Evidence) -> list[Relative]:

@@ -77,6 +77,20 @@ def test_an_object_is_where_two_see_it_and_not_where_a_third_one_does() -> None:
     assert not team.disputing(BALL)
 
 
+def test_an_object_that_was_placed_absurdly_far_away_is_where_the_next_robot_sees_it_and_that_is_not_to_blame() -> None:
+    """Before, its variance became the square of the way back, which no joint keeps: the honest robot was left out for it."""
+    team = new_team()
+    for tick in range(1, 10):
+        settle(
+            team,
+            tick,
+            {"robot/r1": (1e6, 2e6) if tick < 4 or tick % 2 else None, "robot/r2": HERE if tick >= 4 else None},
+        )
+    for tick in range(10, 14):
+        settle(team, tick, {"robot/r2": HERE})
+    assert off(team, BALL, HERE) < 0.3
+
+
 def stands(tick: int) -> Place:
     return HERE
 
