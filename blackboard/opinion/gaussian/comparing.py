@@ -17,7 +17,7 @@ from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
-from blackboard.opinion.gaussian.strayed import PATIENCE, Fit
+from blackboard.opinion.gaussian.strayed import PATIENCE, TakenIncrement
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, Motion, correct
 from blackboard.opinion.grid import Array
 
@@ -139,7 +139,8 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
         only = team.bounded(robot, factor, team.moved_by(robot), expected)
         correct(team.joint, factor, only, expected)
         if not team.contacts.is_reckoned(robot):
-            team.strayed.confirm_itself(robot, Fit(expected.innovation(factor), factor.jacobians[robot][:, AXES]))
+            fit = TakenIncrement(expected.innovation(factor), factor.jacobians[robot][:, AXES])
+            team.strayed.confirm_itself(robot, fit)
     left_out = team.known[robot].left_out
     left_out = left_out * (1.0 - told) if taken else left_out + told
     if left_out.max() >= PATIENCE:
@@ -149,7 +150,7 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
 
 
 def _told(joint: Joint, robot: str, increment: Increment) -> Array:
-    """How much an increment tells of x, y and the heading, shape (3,): that of which it tells most is 1."""
+    """How much an increment reduces the variances of x, y and heading, shape (3,), relative to the one that it reduces most."""
     pose = slice(joint.blocks[robot].start, joint.blocks[robot].start + HEADING + 1)
     gain = np.diag(increment.information)[: HEADING + 1] * joint.variances[pose]
     share = gain / (1.0 + gain)

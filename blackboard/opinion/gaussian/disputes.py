@@ -27,14 +27,14 @@ DISPUTED = 10.0  # times the variance of what is disputed, so that an object doe
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """What an observer saw of an object lately: the score of an offset; where it saw it last, shape (2,), and the variance of that."""
+class ObserverRecord:
+    """What one observer saw of one object: the score of an offset, and place, shape (2,), and variance of its newest sighting."""
 
     score: OffsetScore
     place: Array
     variance: float  # unit^2, along both axes together
 
-    def differs(self, other: View) -> bool:
+    def differs(self, other: ObserverRecord) -> bool:
         """Whether the offsets of both differ by more than 99.9 % of those that are the same."""
         try:
             ways = [np.linalg.inv(view.score.covariance) for view in (self, other)]
@@ -43,11 +43,11 @@ class View:
         apart = ways[0] @ self.score.gradient - ways[1] @ other.score.gradient
         return squared_distance(apart, ways[0] + ways[1]) > quantile(GATE, 2)
 
-    def is_apart(self, other: View) -> bool:
+    def is_apart(self, other: ObserverRecord) -> bool:
         """Whether both saw it farther apart than 99.9 % of what is at one place."""
         return self.squared(other) > quantile(GATE, 2) * 0.5 * (self.variance + other.variance)
 
-    def squared(self, other: View) -> float:
+    def squared(self, other: ObserverRecord) -> float:
         """The squared distance (unit^2) of both places."""
         return float(np.square(self.place - other.place).sum())
 
@@ -56,7 +56,7 @@ class View:
 class Disputes(Copyable):
     """Mutable; `pass_time` once per tick, `on_sighting` once per sighting of an object, before it is taken."""
 
-    _views: dict[tuple[str, str], View] = field(default_factory=dict)  # object and observer -> what it saw
+    _views: dict[tuple[str, str], ObserverRecord] = field(default_factory=dict)  # object and observer -> what it saw
     #: Object, and two observers that differ, sorted -> for how many seconds more they do.
     _held: dict[tuple[str, str, str], float] = field(default_factory=dict)
 
@@ -84,7 +84,7 @@ class Disputes(Copyable):
         score = (NONE if last is None else last.score).plus(OffsetScore(both[:, 2], both[:, :2]))
         back = np.linalg.inv(ways)
         variance = float(np.trace(back @ factor.noise @ back.T)) + lasting
-        mine = self._views[subject, observer] = View(score, place, variance)
+        mine = self._views[subject, observer] = ObserverRecord(score, place, variance)
         for other in self.seeing(subject):
             (one, two), its = sorted((observer, other)), self._views[subject, other]
             is_held = (subject, one, two) in self._held
@@ -101,7 +101,7 @@ class Disputes(Copyable):
         return [observer for (of, observer), view in self._views.items() if of == subject and view.score.share > NEW]
 
     def noise(self, subject: str) -> float:
-        """The variance (unit^2, along each axis) with which each sighting of a disputed object counts, whoever tells it."""
+        """The variance (unit^2, along x and along y) with which all sightings of a disputed object are taken."""
         now = [self._views[subject, observer] for observer in self.seeing(subject)]
         apart = max(view.squared(other) for view in now for other in now)
         return 0.5 * DISPUTED * (min(view.variance for view in now) + 0.25 * apart)

@@ -89,7 +89,7 @@ def batches(news: Iterable[Evidence]) -> Iterator[list[Evidence]]:
 
 
 def _is_off_map(team: TeamState, sighting: Relative) -> bool:
-    """Whether an object is said to be farther away than any sensor sees it: no way back from there leaves a number."""
+    """Whether an object is claimed to be farther away than any sensor can see; a joint cannot hold the variance that leads back."""
     away = 0.0 if sighting.kind == "bearing" or sighting.subject.startswith("robot/") else sighting.range
     return away**2 > FARTHEST**2 * team.naming.area
 

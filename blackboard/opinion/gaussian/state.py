@@ -203,8 +203,10 @@ class TeamState(Copyable):
         return self.offsets.doubts(robot) or self.freshness.doubts(robot)
 
     def majority(self, observer: str, subject: str) -> int:
-        """By how many more robots see an object where an observer does, it included, than elsewhere; a tie is a dispute."""
+        """Above 0 where more robots see an object where an observer does than elsewhere, below 0 where fewer do; 0 is a dispute."""
         differing = {robot for robot in self.disputes.differing(observer, subject) if self._is_heard(robot)}
+        if not differing:
+            return 1
         agreeing = [robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)]
         return 1 + len(set(agreeing) - differing) - len(differing)
 

@@ -62,8 +62,8 @@ def displacement_of(rows: Array, residual: Array) -> Displacement:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """What an increment that was taken says beyond the joint; `rows` are its derivatives by the robot's place, shape (k, 2)."""
+class TakenIncrement:
+    """The innovation of an increment that was taken; `rows` are its derivatives by the robot's place, shape (k, 2)."""
 
     innovation: Innovation
     rows: Array
@@ -107,7 +107,7 @@ class Strayed(Copyable):
     _witnesses: dict[tuple[str, str], Witness] = field(default_factory=dict)  # by robot and mate
     #: Of this tick: robot and mate -> the longest displacement by which one of their sightings would fit; None: one fits as it is.
     _now: dict[tuple[str, str], Displacement | None] = field(default_factory=dict)
-    _fits: dict[str, Fit] = field(default_factory=dict)  # by robot, of which an increment fits in this tick
+    _fits: dict[str, TakenIncrement] = field(default_factory=dict)  # by robot, of which an increment fits in this tick
     _tick: int = 0
 
     def contradict(self, robot: str, mate: str, displacement: Displacement) -> None:
@@ -120,7 +120,7 @@ class Strayed(Copyable):
         """A sighting of one of these by the other was taken: it fits where the joint has the robot."""
         self._now[robot, mate] = None
 
-    def confirm_itself(self, robot: str, fit: Fit) -> None:
+    def confirm_itself(self, robot: str, fit: TakenIncrement) -> None:
         """An increment of a robot was taken: its own sensors may have it where the joint has it."""
         self._fits[robot] = fit
 

@@ -214,7 +214,8 @@ def test_where_it_was_later_than_it_has_told_is_not_known_before_it_tells() -> N
 
 def test_what_waits_counts_with_the_observer_s_next_evidence_though_all_ticks_end_together_then() -> None:
     """Before, it waited on for a tick that ends at a time of its own, and was then held against where the observer was later."""
-    team, evidence = pair((0.0, 0.0))  # the second one has told its motion until 1 s, the sighting is of 2 s
+    # r1 saw r2 at 2 s, and r2 has told its motion until 1 s
+    team, evidence = pair((0.0, 0.0))
     assert team.settle(2, 1.0, [evidence]) == []
     further = Motion(3.0, 0.0, 3.0, 3.0, 3e-4, 0.0, 3e-6)
     both = [Evidence(robot, 0, 3, further, NUISANCE, time=3.0) for robot in ("robot/r1", "robot/r2")]
