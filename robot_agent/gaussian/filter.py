@@ -100,7 +100,8 @@ class FirstHand:
     def __post_init__(self) -> None:
         self._unsent, self._search = Unsent(self.robot), PlaceSearch(self.robot)
         self.landmarks = Landmarks(self.sensors.landmarks, self.sensors.camera.together)
-        self.wheels = WheelNoise(self.robot, self.sensors.wheels.nuisance, self.sensors.wheels.given)
+        wheels = self.sensors.wheels
+        self.wheels = WheelNoise(self.robot, wheels.nuisance, wheels.given, self.sensors.least_noise())
         self.mishaps = Mishaps(self.robot, self.sensors.wheels.nuisance)
         self.absolute = AbsoluteSensors(self.robot, self.sensors.wheels.nuisance)
 

@@ -11,9 +11,10 @@ covariance of the pose by odometry alone and P' that of the belief afterwards, a
 measurement d / (1 - P' / P) of variance P P' / (P - P'). Short spans show jitter soon, and long ones an error that is alike for
 seconds: the larger counts, by what is sure of it to one sigma.
 
-The camera's is judged by landmarks only. The wheels' is never taken for less than a given model, because what is alike over minutes
-looks small over a span, and what the whole team shares looks small to all of them. Wheels that nobody described guess the noise
-along the way only: a heading that is believed too well turns the whole team, and without landmarks nobody sees it.
+The camera's is judged by landmarks only. The wheels' is never taken for less than that of wheels nobody described
+(`Sensors.least_noise`), because what is alike over minutes looks small over a span, and what the whole team shares looks small to
+all of them. Wheels that nobody described guess the noise along the way only: a heading that is believed too well turns the whole
+team, and without landmarks nobody sees it.
 
 Noise across the way is found only of a robot that nobody described at all: it may be a boat, or skid. The prior is Student's t, too.
 """
@@ -40,7 +41,6 @@ COUNTED = 2.0
 #: Seconds of motion, at least: a jitter shows soon, and an error that lasts for seconds in long spans only.
 SPANS = (1.0, 4.0, 16.0)
 LONGEST = 64.0  # seconds of motion after which a span is begun anew: too little was seen
-LEAST = 0.25  # of s^2 where the model is a guess
 INFORMED = 0.1  # share by which what was seen moves a pose from where odometry led it, at least
 TINY = 1e-9  # a share of odometry's variances; and unit^2 or radians^2: no measurement is more exact
 MEMORY = 40.0  # samples after which what was seen has faded to 1 / e
@@ -149,6 +149,7 @@ class Span:
     nuisance: Nuisance
     seconds: float  # of motion, at least
     given: tuple[bool, bool, bool] = (True, True, True)  # as `WheelNoise.given`
+    least: tuple[float, float] = (1.0, 1.0)  # as `WheelNoise.least`
     kinds: dict[str, NoiseFactor] = field(init=False)
     _together: NoiseFactors = field(init=False)  # along and heading
     _aside: NoiseFactors | None = None  # across
@@ -161,8 +162,8 @@ class Span:
     def __post_init__(self) -> None:
         along, heading, across = self.given
         self.kinds = {
-            "along": NoiseFactor(1.0 if along else LEAST, along),
-            "heading": NoiseFactor(1.0 if heading else LEAST, heading),
+            "along": NoiseFactor(self.least[0], along),
+            "heading": NoiseFactor(self.least[1], heading),
         }
         self._together = NoiseFactors(tuple(self.kinds.values()))
         if not across:
@@ -219,9 +220,15 @@ class Span:
         made: Mapping[str, Array],
         noise: Mapping[str, float],
     ) -> None:
-        """Weigh the factors of some kinds; the noise of the others is taken for what was found."""
+        """Weigh the factors of some kinds; the noise of the others is taken for what was found.
+
+        A heading that errs far adds more than in proportion: what is left of a covariance may be none, which made one factor certain.
+        """
         own = np.array([made[kind] for kind in kinds])
         rest = led.covariance[POSE, POSE] - np.tensordot([noise[kind] for kind in kinds], own, 1)
+        variances, axes = np.linalg.eigh(rest)
+        if variances[0] < 0:
+            rest = (axes * np.maximum(variances, 0.0)) @ axes.T
         added = np.array([seen.rows @ unit @ seen.rows.T for unit in own])
         factors.weigh(seen.error, seen.rows @ rest @ seen.rows.T + seen.noise, added)
 
@@ -240,10 +247,12 @@ class WheelNoise:
     nuisance: Nuisance
     #: Whether somebody gave the model of the noise along the way, of the heading, and across the way, which is found only if not.
     given: tuple[bool, bool, bool] = (True, True, True)
+    #: The least factors of the variances along the way and of the heading (`Sensors.least_noise`).
+    least: tuple[float, float] = (1.0, 1.0)
     spans: tuple[Span, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.spans = tuple(Span(self.robot, self.nuisance, seconds, self.given) for seconds in SPANS)
+        self.spans = tuple(Span(self.robot, self.nuisance, seconds, self.given, self.least) for seconds in SPANS)
 
     @property
     def found(self) -> dict[str, NoiseFactor]:

@@ -1,7 +1,7 @@
 """The noise of wheels and camera, estimated on line: larger or smaller than the model says, and no lie breaks it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,8 +13,8 @@ from blackboard.opinion.gaussian.vehicle import FORWARD, STATES, TURN, Motion, N
 from blackboard.wire.messages import Sighting
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
-from robot_agent.gaussian.noise import LEAST, LONGEST, SPANS, CameraNoise, NoiseFactor, NoiseFactors, WheelNoise
-from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of
+from robot_agent.gaussian.noise import LONGEST, SPANS, CameraNoise, NoiseFactor, NoiseFactors, WheelNoise
+from robot_agent.gaussian.sensors import GUESSED, WHEELED, Camera, Sensors, Wheels, sensors_of
 from tests.robot_agent.mishaps import DRIVES, LANDMARKS, readings
 
 SPAN = max(SPANS)
@@ -31,11 +31,16 @@ def block(x: float, y: float = 0.0, heading: float = 0.0, sigma: float = SURE) -
     return Moments(mean, covariance)
 
 
+def wheel_noise(given: bool, nuisance: Nuisance) -> WheelNoise:
+    """Of wheels whose noise was given, or is a guess."""
+    return WheelNoise("robot/r1", nuisance, (given,) * 3, (1.0 if given else GUESSED,) * 2)
+
+
 def driven(
     true: float, seconds: int, seed: int, by_team: bool = False, heading: float = 0.0, given: bool = True
 ) -> WheelNoise:
     """A robot that is seen in each tick while it drives, with an error along the way of `true` times what the physics say."""
-    rng, noise, way = np.random.default_rng(seed), WheelNoise("robot/r1", Nuisance(), (given,) * 3), 0.0
+    rng, noise, way = np.random.default_rng(seed), wheel_noise(given, Nuisance()), 0.0
     for _ in range(seconds):
         measured = way + SURE * rng.normal()
         noise.judge(block(measured * math.cos(heading), measured * math.sin(heading), heading), by_team=by_team)
@@ -81,7 +86,7 @@ def test_a_guessed_model_is_replaced_by_what_is_seen(true: float) -> None:
 
 
 def test_a_guessed_model_is_never_taken_for_none() -> None:
-    assert LEAST <= driven(0.1, 600, 1, given=False).found["along"].variance < 0.4
+    assert GUESSED <= driven(0.1, 600, 1, given=False).found["along"].variance < 0.4
 
 
 def test_a_belief_that_knows_no_more_than_odometry_judges_nothing() -> None:
@@ -113,12 +118,25 @@ def test_a_span_of_the_team_is_not_judged_by_the_robot_alone() -> None:
 def test_a_heading_that_errs_more_says_so_of_the_way_where_both_were_told_or_neither(
     given: tuple[bool, bool], least: float, most: float
 ) -> None:
-    rng, along, heading = np.random.default_rng(3), NoiseFactor(LEAST, given[0]), NoiseFactor(LEAST, given[1])
+    rng, along, heading = np.random.default_rng(3), NoiseFactor(GUESSED, given[0]), NoiseFactor(GUESSED, given[1])
     factors, unseen = NoiseFactors((along, heading)), np.array([[[0.0]], [[1.0]]])
     for _ in range(40):
         factors.weigh(3.0 * rng.normal(size=1), np.zeros((1, 1)), unseen)
     assert 2.0 < math.sqrt(heading.variance) < 4.0
     assert least - 0.1 <= math.sqrt(along.variance) <= most + 0.1
+
+
+def test_a_heading_that_drifts_far_within_a_span_leaves_the_noise_open() -> None:
+    """Its way is uncertain by more than in proportion, and no combination of noises becomes certain by that."""
+    rng, noise, heading = np.random.default_rng(4), wheel_noise(True, WHEELED), 0.0
+    place = np.zeros(2)
+    for tick in range(200):
+        noise.judge(block(place[0], place[1], heading, 0.1), by_team=False)
+        turn, told = 0.1 * (tick % 16 > 8), 0.13 * rng.normal()
+        noise.move(replace(TICK, turn=turn + told, driven=turn, heading=0.13**2, along=(3 * ALONG) ** 2))
+        heading += turn
+        place += 0.2 * np.array([math.cos(heading), math.sin(heading)]) + 0.1 * rng.normal(size=2)
+        assert all(kind.sigma > 0.1 for span in noise.spans for kind in span.kinds.values())
 
 
 def test_what_was_given_up_is_not_judged() -> None:
@@ -147,14 +165,14 @@ NUMBERS = st.floats(-1e4, 1e4)
 def test_it_stays_between_the_physics_and_eight_times_them_whatever_a_team_says(
     spans: list[tuple[float, float, float, bool]], given: bool
 ) -> None:
-    noise = WheelNoise("robot/r1", Nuisance(sigmas=(0.05,) * 9), (given,) * 3)
+    noise = wheel_noise(given, Nuisance(sigmas=(0.05,) * 9))
     for x, heading, sigma, by_team in spans:
         noise.judge(block(x, -x, heading, sigma), by_team=by_team)
         for _ in range(int(SPAN)):
             noise.move(TICK)
         for kind, factor in noise.found.items():
             wild = kind == "across"
-            assert (1.0 if given or wild else LEAST) <= factor.variance <= (1024.0 if wild else 8.0) ** 2
+            assert (1.0 if given or wild else GUESSED) <= factor.variance <= (1024.0 if wild else 8.0) ** 2
 
 
 # --- a whole robot ----------------------------------------------------------------------------------------------------
@@ -281,6 +299,21 @@ def test_a_model_that_was_measured_is_not_taken_for_less() -> None:
     )
     own, _, _ = simulated(Truth(slip=0.003), 300, sensors=sensors_of(section))
     assert own.found()["along noise"] == 1.0
+
+
+def test_wheels_that_were_told_three_times_too_noisy_are_found_to_be_as_good_as_usual() -> None:
+    told = {"measured": True, "along": 3 * ALONG, "turn": 0.06, "turning": 0.3}
+    section = RobotSection.model_validate({"vision": {"kind": "range-bearing"}, "odometry": told})
+    own, _, held = simulated(Truth(slip=0.003), 300, sensors=sensors_of(section))
+    assert own.found()["along noise"] == pytest.approx(1 / 3, abs=0.1)
+    assert own.found()["heading noise"] == pytest.approx(1 / 3, abs=0.1)
+    assert held > 0.9
+
+
+def test_wheels_are_not_found_better_than_told_where_the_noise_of_the_camera_is_not_found() -> None:
+    wheels = Wheels(along=3 * ALONG, heading=0.06, turning=0.3, given=(True, True, True))
+    assert Sensors(wheels, Camera(profile=((1.0, 0.1), (5.0, 0.2)))).least_noise() == (1.0, 1.0)
+    assert Sensors(wheels).least_noise() == pytest.approx((1 / 9, 1 / 9))
 
 
 def test_a_robot_whose_model_leaves_nothing_open_tells_nothing() -> None:
