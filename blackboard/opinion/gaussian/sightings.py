@@ -18,7 +18,7 @@ from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.strayed import displacement_of
-from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, Motion, correct
 from blackboard.opinion.grid import Array
 
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
@@ -225,13 +225,18 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
 
 
 def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Factor:
-    """A sighting of an object, once it has told how that moves; a range alone does not, and what is no news does not."""
+    """A sighting of an object, once it has told how that moves; what is no news does not.
+
+    A range or a bearing alone tells it of an object that the joint knows.
+    """
     observer, subject = relative.observer, relative.subject
     moves = team.moved_by_sighting(relative)
     is_doubted = team.freshness.doubts(observer) or (moves is not None and subject not in moves)
     is_doubted = is_doubted or team.majority(observer, subject) <= 0
-    if observer in team.left_out or len(factor.residual) < 2 or is_doubted:
+    if observer in team.left_out or is_doubted or not (relative.places or subject in team.joint):
         return factor
+    if not relative.places:
+        team.walks.begin(subject, team.marginal(subject))
     seen = _placed(team, relative, factor, motions)
     pushed = team.walks.judge(subject, seen, named=relative.mark is None)
     if pushed is None or subject not in team.joint:
@@ -314,7 +319,8 @@ def _placed(team: TeamState, relative: Relative, factor: Factor, motions: Mappin
     before = team.joint.moments(relative.subject) if relative.subject in team.joint else factor.priors[relative.subject]
     spread = team.joint.innovation(Factor(factor.residual, rows, factor.noise, factor.priors)).covariance
     weighed = by.T @ np.linalg.inv(spread)
-    covariance = np.linalg.inv(weighed @ by)
+    # A range or a bearing alone says nothing across its line.
+    covariance = np.linalg.inv(weighed @ by + (0.0 if relative.places else 1.0 / FLAT) * np.eye(2))
     way = covariance @ weighed @ factor.residual
     far = squared_distance(way, before.covariance + covariance) > quantile(GATE, 2)
     if far and relative.places:  # too far for what was linearised where it was expected

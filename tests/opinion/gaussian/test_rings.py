@@ -18,6 +18,7 @@ from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.opinion.grid import Array
+from tests.present import present
 
 THERE = np.array([2.0, 3.0])
 
@@ -133,8 +134,10 @@ def test_no_sighting_places_it_better_than_the_sharpest_sensor_could(seed: int, 
         assert np.linalg.det(np.linalg.inv(there.moments.covariance)) <= (robots / 2 / 0.2**2) ** 2 * 1.01
 
 
-def standing(robot: str, place: Array, tick: int, kind: Kind, chance: np.random.Generator) -> Evidence:
-    away = THERE - place
+def standing(
+    robot: str, place: Array, tick: int, kind: Kind, chance: np.random.Generator, there: Array = THERE
+) -> Evidence:
+    away = there - place
     value = float(np.hypot(*away)) if kind == "range" else math.atan2(away[1], away[0])
     mean = np.zeros(STATES)
     mean[:5] = [*place, 0.0, 1.0, 1.0]
@@ -161,6 +164,21 @@ def test_an_object_that_is_measured_by_ranges_or_bearings_alone_enters_once_they
     marginal = team.marginal("object/ball")
     assert marginal.mean == pytest.approx(THERE, abs=0.15)
     assert math.sqrt(np.trace(marginal.covariance)) < 0.2
+
+
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_an_object_that_rolls_is_followed_by_ranges_or_bearings_alone(kind: Kind) -> None:
+    """They told nothing of how it moves: it was two units off, in a region that held the truth in a tenth of the ticks."""
+    chance, team, squared = np.random.default_rng(2), TeamJoint(Objects(drift=0.1)), []
+    robots = {"robot/r0": np.array([0.0, 0.0]), "robot/r1": np.array([10.0, 0.0]), "robot/r2": np.array([4.0, 9.0])}
+    for tick in range(120):
+        there = THERE + 0.5 * np.array([1.0, 0.3]) * 0.2 * max(0, tick - 30)
+        team.settle(tick, 0.2, [standing(robot, place, tick, kind, chance, there) for robot, place in robots.items()])
+        if tick >= 60:
+            velocity, now = team.velocity("object/ball"), team.marginal("object/ball")
+            assert present(velocity).mean == pytest.approx([0.5, 0.15], abs=0.2)
+            squared.append((now.mean - there) @ np.linalg.solve(now.covariance, now.mean - there))
+    assert np.mean(np.array(squared) < 5.991) >= 0.85
 
 
 def test_who_invents_things_leaves_room_for_those_that_others_measure_by_bearings() -> None:
