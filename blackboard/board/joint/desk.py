@@ -162,7 +162,9 @@ class JointDesk:
             self.counters.update(+self.team.tally.tracks)
         self.counters.update(counters(self._unnamed))
         self._judge(time, verdicts)
-        known = [subject for subject in self.team.subjects() if self._age(subject, time) <= self.settings.max_age]
+        # What may be anywhere is said to be: else the board would fall back on opinions, which are older and surer.
+        held = sorted({*self.team.subjects(), *self.team.anywhere()})
+        known = [subject for subject in held if self._age(subject, time) <= self.settings.max_age]
         doubtful = self.team.doubtful().items()
         settled = [self._consensus(subject, verdicts, time, make) for subject in known]
         return settled + [self._in_doubt(subject, places, make) for subject, places in doubtful]

@@ -26,7 +26,7 @@ from blackboard.opinion.gaussian.rings import RingPlace
 from blackboard.opinion.gaussian.sightings import batches, close_rings, see, seen_by_one
 from blackboard.opinion.gaussian.state import Known, TeamState
 from blackboard.opinion.gaussian.tracking import end_tick, pass_absent
-from blackboard.opinion.gaussian.vehicle import AXES, LATELY, STATES, UNSTEADY, Motion, Nuisance, drive, speed
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, LATELY, STATES, UNSTEADY, Motion, Nuisance, drive, speed
 from blackboard.opinion.grid import Grid
 
 TIMED = 1e-3  # seconds: how exactly the times of sightings and motions are known
@@ -246,6 +246,11 @@ class TeamJoint(TeamState):
         """
         names = [b for b in self.joint.blocks if isinstance(b, str) and self.knows(b) and b not in self.left_out]
         return sorted(b for b in names if b not in self.tracks or self.tracks.is_told(b))
+
+    def anywhere(self) -> list[str]:
+        """The objects with a name, sorted, that were placed, and whose place is not known any more."""
+        lost = [name for name in self.seen if name not in self.tracks and not self.knows(name)]
+        return sorted(name for name in lost if np.trace(self.marginal(name).covariance) < FLAT)
 
     def doubtful(self) -> dict[str, tuple[RingPlace, ...]]:
         """Of the objects that are not in the joint, those that are in one of a few places, as two rings leave them."""

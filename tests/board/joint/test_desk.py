@@ -192,6 +192,18 @@ def test_an_object_that_ranges_leave_in_two_places_is_agreed_to_be_in_one_of_the
     assert consensuses["object/ball"].parameters == {"places": 2.0}
 
 
+def test_an_object_that_may_be_anywhere_by_now_is_said_to_be() -> None:
+    """The joint said nothing of it, and opinions were agreed on instead: a ball was sure to be where it had been 12 s before."""
+    desk, entropies = new_desk(objects_motion="roll"), []
+    for tick in range(50):
+        sees = sighting("object/ball", 5.0) if tick < 10 else None
+        desk.take_evidence("r1", tick, tick, at(10, 10, sees=sees), own=True)
+        entropies += [consensus.entropy for consensus in desk.settle(tick, MAKE) if consensus.subject == "object/ball"]
+    assert len(entropies) == 50
+    assert entropies[9:] == pytest.approx(sorted(entropies[9:]), abs=0.01)
+    assert entropies[-1] == pytest.approx(math.log(desk.grid.size), abs=0.1)
+
+
 def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     desk = new_desk()
     monkeypatch.setattr("blackboard.board.joint.room.MAX_OBJECTS", 6)
