@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from blackboard.client.agreed import Agreed, TeamNews
-from blackboard.client.arguments import check_kinds, shown
+from blackboard.client.arguments import Call, check_kinds, shown
 from blackboard.client.ask import ask
 from blackboard.client.desk import AgreedStream, Desk
 from blackboard.client.why import Why
@@ -28,7 +28,7 @@ from blackboard.process.team_clock import TeamClock
 from blackboard.wire import keys as topics
 from blackboard.wire.codec import message_in
 from blackboard.wire.messages import Consensus, Refusal
-from blackboard.wire.names import NAME
+from blackboard.wire.names import NAME, SUBJECT_KINDS
 
 log = logging.getLogger(__name__)
 
@@ -215,6 +215,7 @@ class Membership:
 
     def newest(self, subject: str, timeout: float | None = None) -> Agreed:
         """The newest belief about a subject, waiting up to `timeout` seconds for the first [default: for ever]. Or TimeoutError."""
+        _check_subject("newest", subject)
         with self._arrived:
             self._arrived.wait_for(lambda: subject in self._newest or self._desk.done, timeout)
             if subject not in self._newest:
@@ -246,6 +247,7 @@ class Membership:
 
     async def next(self, subject: str) -> Agreed:
         """The next belief about a subject that the team agrees on. TimeoutError: the team was closed."""
+        _check_subject("next", subject)
         async for agreed in self:
             if agreed.subject == subject:
                 return agreed
@@ -261,6 +263,7 @@ class Membership:
 
         Asks the boards, which takes at most 2 seconds.
         """
+        _check_subject("why", subject)
         if self._desk.done or self._link is None:
             raise RuntimeError("the team is closed")
         levels: dict[str, list[Consensus]] = {"agreed": [], "consensus": []}
@@ -329,6 +332,12 @@ class Membership:
             self._grid or board.grid,
         )
         self._joint = board.fusion == "joint"
+
+
+def _check_subject(method: str, subject: object) -> None:
+    """ValueError: nothing can ever be agreed on about this, so that who waits for it would wait for ever."""
+    if not isinstance(subject, str) or not re.fullmatch(f"({SUBJECT_KINDS})/{NAME}", subject):
+        raise Call(method).wrong("subject", subject, "give robot/NAME, object/NAME, landmark/NAME, or person/NAME")
 
 
 def _tell(loop: asyncio.AbstractEventLoop, came: asyncio.Event) -> None:

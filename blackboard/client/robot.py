@@ -21,7 +21,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Sighting
 from blackboard.wire.names import SIGHTED
-from blackboard.wire.types import LEAST
+from blackboard.wire.types import LARGEST, LEAST
 
 if TYPE_CHECKING:
     from robot_agent.driven import Driven, Independence, Pose, SinceStep
@@ -194,6 +194,9 @@ class Robot(Membership):
             return
         for name, value, sigma in (("range", far, sigmas[0]), ("bearing", angle, sigmas[1])):
             if value is not None:
+                if sigma is not None and sigma**2 > LARGEST:
+                    most = f"is larger than {math.sqrt(LARGEST):g}, which no message holds: has it another unit?"
+                    raise known.wrong(f"{name}_sigma", sigma, most)
                 one = Seen(kind=name, values=(value,), covariance=() if sigma is None else (sigma**2,), **common)
                 self._tell(own=None, seen=(one,))
             elif sigma is not None:
@@ -207,6 +210,10 @@ class Robot(Membership):
             raise ValueError("see(covariance=None): give the covariance of the position, shape (2, 2)")
         size = 3 if known.shape(position) == (3,) else 2
         values = known.numbers("position", position, (size,))
+        if math.hypot(*values[:2]) > LARGEST:
+            raise known.wrong(
+                "position", position, f"is farther than {LARGEST:g}, which no message holds: has it another unit?"
+            )
         matrix = known.covariance("covariance", covariance, size)
         kind = ("position", "pose")[size - 2]
         self._tell(own=None, seen=(Seen(kind=kind, values=values, covariance=upper(matrix), **common),))

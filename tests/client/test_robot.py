@@ -172,6 +172,11 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.odometry("x" * 10**6, 0, 1), r"odometry\(distance='xxx.*\.\.\.\): give a finite number"),  # type: ignore[arg-type]
     (lambda r: r.see("x" * 10**6, 1, 0), r"see\(subject='xxx.*\.\.\.\): give robot/NAME"),
     (lambda r: r.see("robot/r2", position=(1, 1), covariance=np.eye(2) * 1e-13), r"see\(covariance=.*\): give variances of at least 1e-12"),
+    (lambda r: r.see("robot/r2", position=(1e12, 1e12), covariance=np.eye(2)), r"see\(position=\(1000000000000.0, .*\): is farther than 1e\+12, which no message holds: has it another unit"),
+    (lambda r: r.see("robot/r2", range=1, range_sigma=2e6), r"see\(range_sigma=2000000.0\): is larger than 1e\+06, which no message holds: has it another unit"),
+    (lambda r: r.newest("ball"), r"newest\(subject='ball'\): give robot/NAME, object/NAME, landmark/NAME, or person/NAME"),
+    (lambda r: r.why(5), r"why\(subject=5\): give robot/NAME"),  # type: ignore[arg-type]
+    (lambda r: asyncio.run(r.next("ball")), r"next\(subject='ball'\): give robot/NAME"),
     (lambda r: r.fix((True, 2), 1), r"fix\(position=\(True, 2\)\): give 2 finite numbers"),
     (lambda r: r.fix(np.array([1, "2"], object), 1), r"fix\(position=array\(\[1, '2'\], dtype=object\)\): give 2 finite numbers"),
     (lambda r: r.on_agreed(None), r"on_agreed\(callback=None\): give a function"),  # type: ignore[arg-type]
