@@ -65,12 +65,6 @@ def test_alphas_rise_by_the_same_ratio_and_sum_to_one() -> None:
     assert np.isfinite(1 / alphas(64, 1e-9)).all()
 
 
-@pytest.mark.parametrize("gamma", [0.0, -0.5, 1.5, float("nan")])
-def test_gamma_out_of_bounds(gamma: float) -> None:
-    with pytest.raises(OpinionError, match="gamma"):
-        cooperative_pool(np.full((2, 3), 1 / 3), gamma=gamma)
-
-
 @few
 @given(weighted(("random", "sparse", "mixed")))
 def test_alpha_1_alone_is_the_linear_pool(drawn: tuple[Array, Array]) -> None:
@@ -169,6 +163,7 @@ def test_coalition_mixes_the_components_by_their_mass_in_cop(independence: float
         ("coalition", "independence", float("nan")),
         ("calibrated", "power", 0.0),
         ("calibrated", "power", float("inf")),
+        *(("cooperative", "gamma", gamma) for gamma in (0.0, -0.5, 1.5, float("nan"))),
         ("cooperative", "cell_ratio", -1.0),
         ("cooperative", "cell_ratio", float("nan")),
     ],

@@ -47,11 +47,6 @@ def test_a_rule_is_for_opinions_unless_a_joint_is_asked_for(flags: TeamFlags, fu
     assert flags.apply(load("demo")).board.fusion == fusion
 
 
-def test_every_sub_team_needs_a_robot() -> None:
-    with pytest.raises(UserError, match="--robots 1: at least 2"):
-        TeamFlags(robots=1).apply(TEAM)
-
-
 def test_without_a_recording_the_demo_runs() -> None:
     assert RecordingFlags().scenario().name == load("demo").name
     assert RecordingFlags().scenario("paper").name == load("paper").name

@@ -10,6 +10,8 @@ from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.process.clock import UnixClock
 from blackboard.run.launch import free_port
+from blackboard.wire.codec import decode
+from blackboard.wire.messages import Consensus
 from tests.files import ROOT
 from tests.present import present
 from tests.processes import program, wait_for_consensus, wait_until
@@ -25,11 +27,15 @@ def test_a_client_a_wire_robot_and_robot_agent_share_one_board(endpoint: str) ->
         board.says("ready")
         running.enter_context(program("-m", "robot_agent", "--id", "agent", *member))
         running.enter_context(program(str(examples / "feed_robot.py"), "t", "agent", endpoint))
-        running.enter_context(program(str(examples / "minimal_robot.py"), *member, "--id", "wire", "--grid", GRID))
+        minimal = (str(examples / "minimal_robot.py"), *member, "--id", "wire", "--grid", GRID)
+        wire = running.enter_context(program(*minimal))
         client = running.enter_context(program(str(examples / "client_robot.py"), "--id", "client", "-e", endpoint))
         link = running.enter_context(Link(LinkConfig(connect=(endpoint,)), "watcher", patience=30.0))
         wait_for_consensus(link, {"agent", "wire", "client"}, lambda: f"client: {client.err}")
         wait_until(lambda: "object/ball" in client.out, lambda: f"the client prints what is agreed: {client.out}")
+        wait_until(lambda: "robot/wire" in wire.out, lambda: f"so does the one by the wire page: {wire.out}")
+        (late,) = link.get("cop/t/a/agreed/robot/wire")
+        assert decode(Consensus, late.payload).ancestors.keys() == {"wire"}
         assert "refused" not in board.err + client.err
 
 

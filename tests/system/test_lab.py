@@ -70,13 +70,6 @@ def test_mistakes_are_one_clear_line(arguments: tuple[str, ...], message: str) -
         call(*arguments)
 
 
-def test_a_mistake_is_one_line_on_standard_error_and_status_2() -> None:
-    done = blackboard("lab", "--runs", "-1")
-    assert done.returncode == 2, done.stderr
-    assert done.stderr == "error: --runs -1: give at least 0\n"
-    assert done.stdout == ""
-
-
 def workers(pid: int) -> list[int]:
     """The processes that a process has started."""
     pids = []
