@@ -205,35 +205,34 @@ METRICS = {
 
 
 def _over_time(data: Mapping[str, Any]) -> Figure:
-    """Fig. 6: each metric over time for each grid, with its 95 % interval over the runs where there are enough."""
-    figure, axes = _figure(len(METRICS), len(data["grids"]), data["title"])
-    every = max(1, len(data["time"]) // 10)
-    for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
-        for axis, (metric, label) in zip(column, METRICS.items(), strict=True):
-            for rule, values in by_rule.items():
-                _line(axis, rule, data["time"], values[metric], every)
-                _interval(axis, rule, data["time"], values, metric)
-            axis.set_ylabel(label)
-        _finish(column, size, by_rule, "time [s]")
-    figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=1 + axes.shape[1], fontsize=8)
+    """Fig. 6: each metric over time."""
+    figure, _ = _by_grid(data, METRICS, "time", "time [s]", max(1, len(data["time"]) // 10))
     return figure
 
 
 def _over_size(data: Mapping[str, Any]) -> Figure:
-    """Fig. 7: each metric over the size of the team for each grid, with its 95 % interval over the runs where there are enough."""
+    """Fig. 7: each metric over the size of the team."""
     metrics = {"ratio": "entropy / original entropy", **{m: METRICS[m] for m in METRICS if m != "entropy"}}
+    figure, axes = _by_grid(data, metrics, "robots", "robots that cooperate")
+    for axis in axes.flat:
+        axis.set_xticks(data["robots"])
+    return figure
+
+
+def _by_grid(
+    data: Mapping[str, Any], metrics: Mapping[str, str], along: str, place: str, every: int = 1
+) -> tuple[Figure, Any]:
+    """Each metric along some numbers for each grid, with its 95 % interval over the runs where there are enough."""
     figure, axes = _figure(len(metrics), len(data["grids"]), data["title"])
     for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
         for axis, (metric, label) in zip(column, metrics.items(), strict=True):
             for rule, values in by_rule.items():
-                _line(axis, rule, data["robots"], values[metric])
-                _interval(axis, rule, data["robots"], values, metric)
+                _line(axis, rule, data[along], values[metric], every)
+                _interval(axis, rule, data[along], values, metric)
             axis.set_ylabel(label)
-        _finish(column, size, by_rule, "robots that cooperate")
-        for axis in column:
-            axis.set_xticks(data["robots"])
+        _finish(column, size, by_rule, place)
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc=BELOW, ncols=1 + axes.shape[1], fontsize=8)
-    return figure
+    return figure, axes
 
 
 def _finish(column: Any, size: str, by_rule: Mapping[str, Any], label: str) -> None:

@@ -9,7 +9,7 @@ import math
 import socket
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Annotated, Any, Literal, Protocol
 
@@ -65,15 +65,9 @@ def diagnose(link: Querier, kind: ProcessKind, name: str, now: float, *, team: s
 
 def _there(link: Querier, kind: ProcessKind, team: str) -> str:
     """The processes of this kind that answer, for a message about one that does not."""
-    said = link.get(keys.STATUS.key(team=team, sub_team="*", process="*"))
-    names = sorted({parts["process"] for answer in said if (parts := _status_of(answer, kind)) is not None})
+    names = sorted({name for name, _ in _statuses(link, keys.STATUS.key(team=team, sub_team="*", process="*"), kind)})
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     return f"; there is {', '.join(names[:MOST_NAMES])}{more}" if names else f"; no {kind} of team {team} answers"
-
-
-def _status_of(envelope: Envelope, kind: ProcessKind) -> dict[str, str] | None:
-    """The parts of its key, where it is the status of a process of this kind."""
-    return keys.STATUS.match(envelope.key) if any(fields.get("kind") == kind for fields in _read([envelope])) else None
 
 
 def board_named(link: Querier, name: str, *, team: str) -> str:
@@ -150,12 +144,15 @@ def _answers(link: Querier, key_expr: str) -> list[dict[str, Any]]:
 
 def _boards(link: Querier, key_expr: str) -> list[tuple[bool, str]]:
     """Of the boards whose statuses answer: whether each follows, and its name."""
-    boards = []
+    return [(bool(fields.get("follows")), name) for name, fields in _statuses(link, key_expr, "board")]
+
+
+def _statuses(link: Querier, key_expr: str, kind: ProcessKind) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The processes of a kind whose statuses answer, and the fields of these."""
     for envelope in link.get(key_expr):
         for fields in _read([envelope]):
-            if fields.get("kind") == "board" and (parts := keys.STATUS.match(envelope.key)) is not None:
-                boards.append((bool(fields.get("follows")), parts["process"]))
-    return boards
+            if fields.get("kind") == kind and (parts := keys.STATUS.match(envelope.key)) is not None:
+                yield parts["process"], fields
 
 
 def _read(envelopes: Iterable[Envelope]) -> list[dict[str, Any]]:
