@@ -28,16 +28,12 @@ def new_board(**table: Any) -> BoardSection:
             "board.patiance: rule 'coalition' has no such key; it has gamma, gate, independence, k, reference_cell; "
             "a board has coding, drift, feedback, fusion, future, max_age, objects_drift, objects_drifts, objects_motion, objects_motions, patience, period, rule, sharpest, skew, subjects; did you mean patience?",
         ),
-        ({"inner": "linear"}, "board.inner: rule 'coalition' has no such key"),
         ({"rule": "best"}, "board.rule: 'best' is none of calibrated, channel-filter"),
-        ({"rule": "clique", "inner": "clique"}, "board.inner: a clique of a clique gains nothing"),
         ({"k": -1}, "board.k: give a finite value of at least 0 and at most 10 (got -1)"),
         (
             {"independence": 7},
             'board.independence: give a finite value of at least 0 and at most 1, or "learn" (got 7)',
         ),
-        ({"k": "two"}, "board.k: give a finite value of at least 0 and at most 10 (got two)"),
-        ({"gate": 3, "gamma": 0.5}, "board.gate: give it or gamma, not both"),
         (
             {"subjects": {"object/*": {"rule": "linear", "gate": 3}}},
             "board.subjects.object/*.gate: rule 'linear' has no",

@@ -12,14 +12,13 @@ from blackboard.tape.content import Tape
 from blackboard.tape.judge import match, recorded
 from blackboard.tape.replay import replay
 from blackboard.wire import keys
-from blackboard.wire.codec import decode, encode
-from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.codec import encode
+from blackboard.wire.envelope import Envelope
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory
-from blackboard.wire.messages import Clock
 from tests.flow.streams import Stream
 from tests.heard import Heard
 from tests.scenarios import LEARNS
-from tests.tape.teams import recorded_run
+from tests.tape.teams import from_tick, recorded_run
 
 
 def memory(service: Any) -> tuple[object, object]:
@@ -72,17 +71,6 @@ def test_a_leader_that_repeats_its_memory_costs_its_follower_one_a_second(monkey
     for _ in range(20):
         follower.receive(Envelope(key, encode(said)), team.now)
     assert taken == [said]
-
-
-def from_tick(tape: Tape, tick: int) -> Tape:
-    """What a recorder has that came when a tick began."""
-    begin = next(
-        i
-        for i, (_, e) in enumerate(tape.envelopes)
-        if keys.CLOCK.match(e.key) and decode(Clock, e.payload).tick == tick
-    )
-    held = [each for each in tape.envelopes[:begin] if each[1].kind is Kind.ALIVE]
-    return Tape(tape.scenario, held + tape.envelopes[begin:], tape.about)
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])

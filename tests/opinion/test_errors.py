@@ -107,7 +107,6 @@ def test_parameters_of_rules() -> None:
 @pytest.mark.parametrize(
     ("table", "text"),
     [
-        ({"rule": "median"}, "rule: 'median' is none of calibrated, channel-filter, chernoff"),
         ({"rule": "coalition", "xi": 1}, "xi: rule 'coalition' has no such key; it has gamma, gate, independence, k,"),
         ({"rule": "linear", "power": 2}, "power: rule 'linear' has no such key; it has k, reference_cell"),
         ({"rule": "logarithmic", "k": 2}, "k: rule 'logarithmic' has no such key; it has none"),

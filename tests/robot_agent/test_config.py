@@ -12,6 +12,7 @@ from blackboard.config import Scenario
 from blackboard.errors import UserError
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
+from blackboard.run.overrides import with_settings
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.agent import Agent
@@ -79,14 +80,9 @@ SEEN = Sighting(subject="landmark/6", range=2.0, bearing=0.3)
 
 
 def settings(setup: tuple[str, str], changed: Mapping[str, Any] | None = None) -> RobotSection:
-    tables: dict[str, Any] = {"localizer": setup[0], "vision": {"kind": setup[1]}}
-    for key, value in (changed or {}).items():
-        *path, name = key.split(".")
-        table = tables
-        for part in path:
-            table = table.setdefault(part, {})
-        table[name] = value
-    return Scenario({"robot": tables}).section("robot", RobotSection)
+    tables = {"localizer": setup[0], "vision": {"kind": setup[1]}}
+    keys = {f"robot.{key}": value for key, value in (changed or {}).items()}
+    return with_settings(Scenario({"robot": tables}), keys).section("robot", RobotSection)
 
 
 def story(section: RobotSection) -> list[np.ndarray]:

@@ -7,6 +7,7 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.config.world import CheckSection, WorldSection
+from blackboard.run.overrides import with_settings
 from blackboard.wire.messages import Readings, Truth
 from sim_world.sources import open_sensor_source
 from tests.scenarios import keys_of
@@ -45,16 +46,9 @@ ELSEWHERE = {
 
 def story(world: dict[str, Any], key: str | None = None, value: Any = None) -> list[tuple[Truth, list[Readings]]]:
     """Twenty ticks of a scenario with one key of [world] changed."""
-    tables = {name: dict(table) if isinstance(table, dict) else table for name, table in world.items()}
-    if key is not None:
-        *path, name = key.split(".")
-        table = tables
-        for part in path:
-            table = table.setdefault(part, {})
-        table[name] = value
     team = {"sub_teams": {"a": ["r1", "r2"]}}
-    scenario = Scenario({"team": team, "time": {"tick": 0.5, "seconds": 10.0}, "world": tables})
-    source = open_sensor_source(scenario)
+    scenario = Scenario({"team": team, "time": {"tick": 0.5, "seconds": 10.0}, "world": world})
+    source = open_sensor_source(with_settings(scenario, {} if key is None else {f"world.{key}": value}))
     return [source.advance("run", tick) for tick in range(20)]
 
 

@@ -156,15 +156,6 @@ def test_robots_that_cannot_turn_are_a_mistake() -> None:
         new_world(WorldSection(speed=10.0))
 
 
-def test_a_lost_robot_has_no_start_fix_due_and_everybody_else_has_one_once() -> None:
-    world = new_world(WorldSection(lost=["r2"]))
-    assert {name: body.start_fix_due for name, body in world.bodies.items()} == {"r1": True, "r2": False}
-    first, second = (world.advance("run", tick)[1] for tick in (0, 1))
-    assert [(r.robot, r.fix is not None) for r in first] == [("r1", True), ("r2", False)]
-    assert [r.fix for r in second] == [None, None]
-    assert not any(body.start_fix_due for body in world.bodies.values())
-
-
 def test_robots_go_to_their_waypoints_and_get_new_ones_in_time() -> None:
     """Turning at most turn_rate, towards the waypoint; the next one is drawn within two turning circles."""
     world = new_world(WorldSection(objects={}, turn_rate=2.0), ("r1",))

@@ -14,7 +14,10 @@ from blackboard.tape.content import Tape, load_tape
 from blackboard.tape.file import TapeWriter
 from blackboard.tape.journal import Journaled
 from blackboard.tape.recorder import Recorder
-from blackboard.wire.envelope import Envelope
+from blackboard.wire import keys
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock
 from tests.scenarios import SCENARIO
 
 SMALL = SCENARIO.changed("grid", shape=[14, 14]).changed("time", seconds=2.0)  # 5 ticks, from 0 to 4
@@ -60,3 +63,14 @@ def recorded_run(
     team.writer.close()
     path.write_bytes(team.file.getvalue())
     return card, load_tape(path)
+
+
+def from_tick(tape: Tape, tick: int) -> Tape:
+    """What a recorder has that came when a tick began."""
+    begin = next(
+        i
+        for i, (_, e) in enumerate(tape.envelopes)
+        if keys.CLOCK.match(e.key) and decode(Clock, e.payload).tick == tick
+    )
+    held = [each for each in tape.envelopes[:begin] if each[1].kind is Kind.ALIVE]
+    return Tape(tape.scenario, held + tape.envelopes[begin:], tape.about)

@@ -8,15 +8,13 @@ import pytest
 from blackboard.errors import UserError
 from blackboard.judge.card import scorecard
 from blackboard.tape.compare import side_by_side, verdict_lines
-from blackboard.tape.content import Tape, cut, load_tape, messages, summary
+from blackboard.tape.content import Tape, cut, load_tape, summary
 from blackboard.tape.judge import Match, course, judge, match, recorded
 from blackboard.tape.player import Part, Player
 from blackboard.tape.replay import Replay, is_consensus, replay
 from blackboard.tape.table import rows
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.keys import CLOCK
-from blackboard.wire.messages import Clock
-from tests.tape.teams import SMALL, recorded_run
+from tests.tape.teams import SMALL, from_tick, recorded_run
 from tests.tape.written import ENVELOPES, written
 
 
@@ -92,13 +90,7 @@ def test_a_cut_keeps_its_time_its_keys_and_the_tokens_held_then() -> None:
 def test_a_recorder_that_came_late_is_told_and_all_is_the_same_after_a_while(
     run: tuple[dict[str, Any], Tape, Path],
 ) -> None:
-    tape = run[1]
-    clocks = [
-        (i, clock) for i, (_, e) in enumerate(tape.envelopes) for _, _, clock in messages([(0.0, e)], CLOCK, Clock)
-    ]
-    begin = next(i for i, clock in clocks if clock.tick == 2)
-    held = [each for each in tape.envelopes[:begin] if each[1].kind is Kind.ALIVE]
-    late = Tape(tape.scenario, held + tape.envelopes[begin:], tape.about)
+    late = from_tick(run[1], 2)
     again = replay(late)
     matched = match(late.runs[-1], recorded(late), again.output)
     assert again.late == ["a/board-a", "b/board-b"]
