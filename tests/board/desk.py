@@ -27,14 +27,17 @@ def board_of(sub_team: str, kind: Kind = Kind.ALIVE, name: str | None = None) ->
 class Desk:
     """One board process under test, and what it said; what it remembers is left out, which it may say once a second."""
 
-    def __init__(self, world: bool = True, members: TeamSection | None = None, **settings: object) -> None:
-        """A board with no robot yet; a world is there unless `world` is False. `members`: as a scenario names them."""
+    def __init__(
+        self, *robots: str, world: bool = True, members: TeamSection | None = None, **settings: object
+    ) -> None:
+        """A board with these robots; a world is there unless `world` is False. `members`: as a scenario names them."""
         chosen = BoardSection.model_validate(settings)
         self.service = BoardService(team="t", sub_team="a", board="a", grid=GRID, settings=chosen, members=members)
         self.now = NOW
         self.said: list[Envelope] = []
         if world:
             self.tell(WORLD)
+        self.register(*robots)
 
     def tell(self, *envelopes: Envelope) -> list[Envelope]:
         """One batch of messages, after which the board is woken if that is due, as by the loop."""

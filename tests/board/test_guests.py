@@ -33,8 +33,7 @@ def about(subject: str, consensuses: list[Consensus]) -> Consensus:
 
 
 def test_a_guest_that_may_only_listen_is_refused_is_told_the_cure_and_is_not_waited_for() -> None:
-    desk = Desk(members=team("watch"))
-    desk.register("r1", "zoe")
+    desk = Desk("r1", "zoe", members=team("watch"))
     said = desk.tell(clock(0, "r1", "zoe"), sent("zoe", 0), sent("r1", 0), reported("r1", 0, THING))
     assert any("/consensus/" in envelope.key for envelope in said)  # r1 has reported, and that is all there is to come
     assert desk.service.refused["guest"] == 1
@@ -46,8 +45,7 @@ def test_a_guest_that_may_only_listen_is_refused_is_told_the_cure_and_is_not_wai
 
 
 def test_a_guest_that_is_heard_is_waited_for() -> None:
-    desk = Desk(members=team("vote"))
-    desk.register("r1", "zoe")
+    desk = Desk("r1", "zoe", members=team("vote"))
     assert not [
         envelope
         for envelope in desk.tell(clock(0, "r1", "zoe"), sent("r1", 0), reported("r1", 0, THING))

@@ -165,8 +165,7 @@ def test_nothing_older_is_said_than_what_the_leader_said() -> None:
 
 
 def test_without_a_world_a_follower_publishes_its_status_alone_until_the_leader_is_gone() -> None:
-    desk = Desk(world=False)
-    desk.register("r1")
+    desk = Desk("r1", world=False)
     desk.tell(board_of("a"), board_of("a", name="0a"), leading("0a", time=desk.now - 60.0))
     desk.tell(report("r1", 0, time=desk.now))
     assert levels(desk.wait(0.2)) == []
@@ -182,8 +181,7 @@ def test_without_a_world_a_follower_publishes_its_status_alone_until_the_leader_
 
 
 def test_a_follower_answers_a_repeated_clock_with_its_statuses() -> None:
-    desk = Desk()
-    desk.register("r1")
+    desk = Desk("r1")
     desk.tell(board_of("a", name="0a"), clock(0, "r1"), leading("0a", phase="idle"))
     said = desk.tell(report("r1", 0), reported("r1", 0, "object/ball"))
     assert [decode(Status, e.payload).phase for e in said] == ["consensus", "agreed"]

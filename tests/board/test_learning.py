@@ -301,8 +301,7 @@ def test_the_exchange_learns_of_sub_teams() -> None:
 
 
 def test_the_status_of_a_board_shows_what_it_learned_until_a_new_run_begins() -> None:
-    desk = Desk(independence="learn")
-    desk.register("r1", "r2")
+    desk = Desk("r1", "r2", independence="learn")
     for tick in range(0, 60, 5):
         desk.tell(clock(tick, mode="realtime"), sent("r1", tick), sent("r2", tick))
         desk.wait(0.3)

@@ -25,8 +25,7 @@ from tests.wire.envelopes import put
 
 
 def test_a_tick_is_settled_once_everybody_named_has_spoken() -> None:
-    desk = Desk()
-    desk.register("r1", "r2")
+    desk = Desk("r1", "r2")
     desk.tell(clock(0, "r1", "r2"))
     assert levels(desk.tell(report("r1", 0), reported("r1", 0, "object/ball"), reported("r2", 0, "object/ball"))) == []
     said = desk.tell(report("r2", 0))
@@ -44,8 +43,7 @@ def test_a_repeated_clock_is_answered_with_the_same_words() -> None:
 
 
 def test_a_board_that_is_asked_tells_what_it_lacks_and_repeats_only_what_it_is_asked_for() -> None:
-    desk = Desk()
-    desk.register("r1", "r2")
+    desk = Desk("r1", "r2")
 
     def asked(**fields: list[str]) -> list[Envelope]:
         again = decode(Clock, clock(0, "r1", "r2").payload).model_copy(update=fields)
@@ -90,8 +88,7 @@ def test_when_the_speed_of_a_robot_elsewhere_arrives_changes_no_bit() -> None:
 
 
 def test_a_dead_robot_is_not_waited_for() -> None:
-    desk = Desk()
-    desk.register("r1", "r2")
+    desk = Desk("r1", "r2")
     desk.tell(clock(0, "r1", "r2"), report("r1", 0), reported("r1", 0, "object/ball"))
     gone = Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r2"), kind=Kind.GONE)
     assert levels(desk.tell(gone)) == []  # perhaps it was the router
@@ -172,8 +169,7 @@ def test_a_board_that_the_world_names_is_heard_before_its_token_arrives() -> Non
 
 
 def test_while_the_router_is_away_a_tick_is_not_settled_without_its_robots() -> None:
-    desk = Desk(patience=2.0)
-    desk.register("r1", "r2")
+    desk = Desk("r1", "r2", patience=2.0)
     desk.tell(board_of("a"), clock(0, "r1", "r2"), report("r1", 0), reported("r1", 0, "object/ball"))
     lost = [keys.MEMBER.key(team="t", sub_team="a", robot=robot) for robot in ("r1", "r2")]
     for token in (*lost, board_of("a").key, WORLD.key):
@@ -220,8 +216,7 @@ def test_the_status_shows_the_rules_in_force() -> None:
 def test_only_a_robot_of_the_sub_team_that_has_reported_withdraws_what_it_does_not_list(
     sub_team: str, kind: str, phase: str, withdrawn: bool
 ) -> None:
-    desk = Desk(patience=2.0)
-    desk.register("r1", "r2")
+    desk = Desk("r1", "r2", patience=2.0)
     desk.tell(clock(0, "r1", "r2"), report("r1", 0), reported("r1", 0, "object/ball"))
     desk.tell(report("r2", 0), reported("r2", 0, "object/ball"))
     desk.tell(clock(1, "r1", "r2"))

@@ -20,8 +20,7 @@ def ticks(said: list[Envelope]) -> list[int]:
 
 
 def begun() -> Desk:
-    desk = Desk(period=0.2)
-    desk.register("r1", "r2")
+    desk = Desk("r1", "r2", period=0.2)
     desk.tell(idle("r1"), idle("r2"), *tick(0))
     assert (levels(desk.said), ticks(desk.said)) == (["consensus", "agreed"], [0, 0])
     desk.said.clear()

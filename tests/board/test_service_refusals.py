@@ -29,8 +29,7 @@ def test_a_consensus_without_the_token_of_its_board_does_not_enter_the_exchange(
 
 
 def test_without_a_world_a_consensus_needs_a_token_as_well() -> None:
-    desk = Desk(world=False, period=0.5)
-    desk.register("r1")
+    desk = Desk("r1", world=False, period=0.5)
     desk.tell(report("r1", 7, time=NOW), theirs("x", 7, time=NOW), settled("x", 7, "object/ball"))
     desk.wait(0.6)
     agreed = [decode(Consensus, e.payload) for e in desk.said if "/agreed/" in e.key]
@@ -46,8 +45,7 @@ def test_an_empty_list_of_a_board_that_just_started_is_nothing_to_refuse() -> No
 
 
 def test_what_is_refused_under_a_world_is_not_tried_again() -> None:
-    desk = Desk()
-    desk.register("r1")
+    desk = Desk("r1")
     desk.tell(clock(0, "r1"), report("r1", 50))  # stamped 10 s ahead
     desk.tell(clock(45, "r1"))  # now it would be 1 s ahead
     desk.register("r2")

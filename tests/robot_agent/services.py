@@ -16,10 +16,11 @@ NOW = 1_000_000.0
 WORLD = keys.WORLD.key(team="t")
 
 
-def new_service(*sub_teams: str) -> AgentService:
-    robot = AgentService(team="t", sub_teams=sub_teams or ("a",), robot="r1", grid=GRID, settings=RobotSection())
-    for board in ("board-a", "one", "two"):
-        robot.receive(token(keys.BOARD, board), NOW)
+def new_service(*told: Envelope) -> AgentService:
+    """A robot that knows of three boards, and was told this at `NOW`."""
+    robot = AgentService(team="t", sub_teams=("a",), robot="r1", grid=GRID, settings=RobotSection())
+    for envelope in (*(token(keys.BOARD, board) for board in ("board-a", "one", "two")), *told):
+        robot.receive(envelope, NOW)
     return robot
 
 

@@ -29,8 +29,7 @@ def test_without_a_world_a_robot_reports_with_its_readings(caplog: pytest.LogCap
 
 
 def test_without_a_world_it_takes_agreed_beliefs_whose_ticks_are_the_boards_own() -> None:
-    robot = new_service()
-    robot.receive(readings(0, time=NOW), NOW)
+    robot = new_service(readings(0, time=NOW))
     robot.receive(agreed(5_000_000, time=NOW + 0.1), NOW + 0.1)
     (report, _) = opened(robot.receive(readings(1, time=NOW + 0.2), NOW + 0.2))
     assert isinstance(report, Report)
@@ -39,16 +38,14 @@ def test_without_a_world_it_takes_agreed_beliefs_whose_ticks_are_the_boards_own(
 
 
 def test_readings_that_come_again_are_not_counted_twice() -> None:
-    robot = new_service()
-    robot.receive(readings(3, time=NOW), NOW)
+    robot = new_service(readings(3, time=NOW))
     assert robot.receive(readings(3, time=NOW), NOW + 0.1) == []
     assert robot.receive(readings(2, time=NOW), NOW + 0.1) == []
     assert robot.counters["ticks"] == 1
 
 
 def test_in_lockstep_it_waits_for_the_clock_and_for_what_was_agreed() -> None:
-    robot = new_service()
-    robot.receive(world(), NOW)
+    robot = new_service(world())
     assert robot.receive(readings(0), NOW) == []
     assert kinds(robot.receive(clock(0), NOW)) == ["Report", "Solo", "Status"]
     robot.receive(readings(1), NOW)
@@ -59,9 +56,7 @@ def test_in_lockstep_it_waits_for_the_clock_and_for_what_was_agreed() -> None:
 
 
 def test_in_lockstep_its_patience_ends() -> None:
-    robot = new_service()
-    for envelope in (world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"])):
-        robot.receive(envelope, NOW)
+    robot = new_service(world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"]))
     patience = robot.settings.patience
     assert "Report" not in kinds(robot.wake(NOW + patience - 0.01))
     due = robot.wake_at(NOW + patience - 0.01)
@@ -72,9 +67,7 @@ def test_in_lockstep_its_patience_ends() -> None:
 
 
 def test_a_robot_that_comes_in_the_middle_waits_for_nothing_that_was_agreed_before() -> None:
-    robot = new_service()
-    robot.receive(world(), NOW)
-    robot.receive(readings(5), NOW)
+    robot = new_service(world(), readings(5))
     assert "Report" in kinds(robot.receive(clock(5, settled=["robot/r1", "object/ball"]), NOW))
     assert robot.receive(readings(6), NOW) == []
     assert robot.receive(clock(6, settled=["robot/r1"]), NOW) == []
@@ -83,9 +76,7 @@ def test_a_robot_that_comes_in_the_middle_waits_for_nothing_that_was_agreed_befo
 
 
 def test_its_patience_does_not_begin_anew_when_the_world_asks_again() -> None:
-    robot = new_service()
-    for envelope in (world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"])):
-        robot.receive(envelope, NOW)
+    robot = new_service(world(), readings(0), clock(0), readings(1), clock(1, settled=["robot/r1"]))
     patience = robot.settings.patience
     for envelope in (readings(1), clock(1)):
         robot.receive(envelope, NOW + patience / 2)
@@ -93,9 +84,7 @@ def test_its_patience_does_not_begin_anew_when_the_world_asks_again() -> None:
 
 
 def test_the_world_that_asks_again_gets_the_same_answers_and_the_last_word_gets_none() -> None:
-    robot = new_service()
-    robot.receive(world(), NOW)
-    robot.receive(readings(0), NOW)
+    robot = new_service(world(), readings(0))
     first = robot.receive(clock(0), NOW)
     again = robot.receive(clock(0), NOW + 1)
     assert opened(again)[:-1] == opened(first)[:-1]
@@ -105,18 +94,14 @@ def test_the_world_that_asks_again_gets_the_same_answers_and_the_last_word_gets_
 
 def test_a_clock_of_nobody_stops_no_robot() -> None:
     """A Clock without a world's token is not followed for good."""
-    robot = new_service()
-    robot.receive(clock(7, run="forged"), NOW)
-    robot.receive(readings(0, time=NOW), NOW)
+    robot = new_service(clock(7, run="forged"), readings(0, time=NOW))
     later = NOW + WORLD_SILENT + 0.1
     robot.wake(later)
     assert "Report" in kinds(robot.receive(readings(1, time=later), later))
 
 
 def test_when_the_world_has_gone_it_goes_by_its_readings_again(caplog: pytest.LogCaptureFixture) -> None:
-    robot = new_service()
-    for envelope in (world(), readings(0), clock(0), world(Kind.GONE)):
-        robot.receive(envelope, NOW)
+    robot = new_service(world(), readings(0), clock(0), world(Kind.GONE))
     assert robot.receive(readings(1), NOW + 0.1) == []  # it may come back
     later = NOW + WORLD_SILENT + 1.0
     assert "Report" in kinds(robot.wake(later))
@@ -125,9 +110,7 @@ def test_when_the_world_has_gone_it_goes_by_its_readings_again(caplog: pytest.Lo
 
 
 def test_another_run_begins_anew() -> None:
-    robot = new_service()
-    for envelope in (world(), readings(0), clock(0), readings(1), clock(1)):
-        robot.receive(envelope, NOW)
+    robot = new_service(world(), readings(0), clock(0), readings(1), clock(1))
     assert robot.tick == 1
     robot.receive(world(Kind.GONE), NOW)
     robot.receive(world(), NOW)
@@ -158,22 +141,14 @@ def test_agreed_beliefs_are_bounded_in_number() -> None:
 
 def test_what_was_agreed_before_a_world_came_does_not_stand_for_what_is_agreed_in_its_run() -> None:
     """Boards that go by Unix time count ticks in the thousands of millions, and readings may come before the first Clock."""
-    robot = new_service()
-    robot.receive(world(), NOW)
-    robot.receive(readings(0), NOW)
-    robot.receive(agreed(5_000_000, time=NOW), NOW)
-    robot.receive(clock(0), NOW)
-    robot.receive(readings(1), NOW)
+    robot = new_service(world(), readings(0), agreed(5_000_000, time=NOW), clock(0), readings(1))
     assert robot.receive(clock(1, settled=["robot/r1"]), NOW) == []
     assert kinds(robot.receive(agreed(0), NOW)) == ["Report", "Solo", "Status"]
     assert robot.counters["late"] == 0
 
 
 def test_who_joins_a_run_takes_what_was_agreed_in_the_tick_before() -> None:
-    robot = new_service()
-    robot.receive(world(), NOW)
-    robot.receive(clock(20, settled=["robot/r1"]), NOW)
-    robot.receive(agreed(19), NOW)
+    robot = new_service(world(), clock(20, settled=["robot/r1"]), agreed(19))
     assert kinds(robot.receive(readings(20), NOW)) == ["Report", "Solo", "Status"]
     robot.receive(agreed(22), NOW)
     assert robot.refused == {"future": 1}
