@@ -1,6 +1,7 @@
 """The joint behind a board, and evidence for it: of robots that stand, and with numbers of all magnitudes."""
 
 from collections import Counter
+from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
@@ -37,7 +38,14 @@ def sighting(subject: str, distance: float) -> PackedRelative:
     return PackedRelative(subject=subject, range=distance, bearing=0.0, range_variance=0.04, bearing_variance=0.0004)
 
 
-def means(consensuses: list[Consensus]) -> dict[str, tuple[float, float]]:
+def settled(desk: JointDesk, tick: int, **told: PackedEvidence) -> dict[str, Consensus]:
+    """What a board makes of a tick of 0.2 s in which its robots told something, by subject."""
+    for robot, evidence in told.items():
+        desk.take_evidence(robot, tick, 0.2 * tick, evidence, own=True)
+    return {consensus.subject: consensus for consensus in desk.settle(0.2 * tick, MAKE)}
+
+
+def means(consensuses: Iterable[Consensus]) -> dict[str, tuple[float, float]]:
     return {c.subject: tuple(np.round(unpack(c.belief).mean(), 1)) for c in consensuses}
 
 

@@ -7,20 +7,19 @@ import pytest
 
 from blackboard.board.joint.desk import JointDesk
 from blackboard.wire.evidence import Forward, PackedTrack
-from tests.board.joint.desks import MAKE, at, means, new_desk, sighting
+from tests.board.joint.desks import at, means, new_desk, settled, sighting
 
 
 def watched(desk: JointDesk, tick: int, people: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Two robots that stand see some of two people who stand: where the joint has which track."""
-    places = {"first": (0.0, 20.0), "second": (math.pi / 2, 10.0)}
+    stand = {"first": (0.0, 20.0), "second": (math.pi / 2, 10.0)}
     sees = [
-        sighting("person/?", places[person][1]).model_copy(update={"mark": mark, "bearing": places[person][0]})
+        sighting("person/?", stand[person][1]).model_copy(update={"mark": mark, "bearing": stand[person][0]})
         for mark, person in enumerate(people)
     ]
     evidence = at(5, 10).model_copy(update={"relatives": sees})
-    desk.take_evidence("r1", tick, 0.2 * tick, evidence, own=True)
-    desk.take_evidence("r2", tick, 0.2 * tick, at(10, 10), own=True)
-    return {name: place for name, place in means(desk.settle(0.2 * tick, MAKE)).items() if name.startswith("person/")}
+    places = means(settled(desk, tick, r1=evidence, r2=at(10, 10)).values())
+    return {name: place for name, place in places.items() if name.startswith("person/")}
 
 
 def said(desk: JointDesk, tick: int, **more: object) -> Forward:

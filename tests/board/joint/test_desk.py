@@ -18,7 +18,7 @@ from blackboard.wire.gaussians import pack_evidence, velocity_of
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
-from tests.board.joint.desks import MAKE, at, means, new_desk, sighting
+from tests.board.joint.desks import MAKE, at, means, new_desk, settled, sighting
 from tests.present import present
 from tests.robot_agent.robots import readings
 
@@ -27,11 +27,13 @@ PLACED = Seen(subject="object/ball", kind="position", values=(5.0, 2.0), covaria
 
 def test_robots_enter_by_their_states_and_objects_by_their_sightings() -> None:
     desk = new_desk()
-    desk.take_evidence("r1", 0, 0.0, at(10, 10, sees=sighting("object/ball", 5.0)), own=True)
-    desk.take_evidence("r2", 0, 0.0, at(20, 10), own=True)
-    consensuses = desk.settle(0.0, MAKE)
-    assert means(consensuses) == {"object/ball": (15.0, 10.0), "robot/r1": (10.0, 10.0), "robot/r2": (20.0, 10.0)}
-    ball, r1, _ = consensuses
+    consensuses = settled(desk, 0, r1=at(10, 10, sees=sighting("object/ball", 5.0)), r2=at(20, 10))
+    assert means(consensuses.values()) == {
+        "object/ball": (15.0, 10.0),
+        "robot/r1": (10.0, 10.0),
+        "robot/r2": (20.0, 10.0),
+    }
+    ball, r1, _ = consensuses.values()
     assert [used.source for used in ball.used] == ["r1"]
     assert (ball.rule, ball.state, ball.conflict) == ("joint", None, False)
     assert r1.state is not None
@@ -41,9 +43,7 @@ def test_robots_enter_by_their_states_and_objects_by_their_sightings() -> None:
 def test_of_an_unnamed_sighting_a_consensus_says_whose_it_may_be() -> None:
     desk, unnamed_mate = new_desk(), sighting("robot/?", 10.0).model_copy(update={"mark": 4})
     for tick, sees in enumerate((None, unnamed_mate, unnamed_mate.model_copy(update={"range": 25.0}))):
-        desk.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sees), own=True)
-        desk.take_evidence("r2", tick, 0.2 * tick, at(20, 10), own=True)
-        consensuses = {consensus.subject: consensus for consensus in desk.settle(0.2 * tick, MAKE)}
+        consensuses = settled(desk, tick, r1=at(10, 10, sees=sees), r2=at(20, 10))
         odds = [
             (share.source, share.time, share.mark, share.probability > 0.9) for share in consensuses["robot/r2"].unnamed
         ]
@@ -55,11 +55,10 @@ def test_of_an_unnamed_sighting_a_consensus_says_whose_it_may_be() -> None:
 
 def test_what_several_see_and_nobody_names_is_told_of_with_how_likely_it_is_there() -> None:
     desk = new_desk()
-    for tick in range(4):
-        for robot, x in (("r1", 5.0), ("r2", 10.0)):
-            sees = sighting("person/?", 20.0 - x).model_copy(update={"mark": 0})
-            desk.take_evidence(robot, tick, 0.2 * tick, at(x, 10, sees=sees if tick else None), own=True)
-        consensuses = {consensus.subject: consensus for consensus in desk.settle(0.2 * tick, MAKE)}
+    settled(desk, 0, r1=at(5, 10), r2=at(10, 10))
+    near, far = (sighting("person/?", away).model_copy(update={"mark": 0}) for away in (10.0, 15.0))
+    for tick in (1, 2, 3):
+        consensuses = settled(desk, tick, r1=at(5, 10, sees=far), r2=at(10, 10, sees=near))
     person = consensuses["person/1"]
     assert unpack(person.belief).mean() == pytest.approx((20.0, 10.0), abs=0.5)
     assert person.existence is not None
@@ -88,10 +87,9 @@ def test_what_arrives_late_is_settled_in_the_order_of_its_ticks() -> None:
     prompt, late = new_desk(), new_desk()
     for tick in range(3):
         evidence = at(10, 10, travelled=float(tick))
-        prompt.take_evidence("r1", tick, 0.2 * tick, evidence, own=True)
-        prompt.settle(0.2 * tick, MAKE)
+        in_time = settled(prompt, tick, r1=evidence)
         late.take_evidence("r1", tick, 0.2 * tick, evidence, own=True)
-    assert means(late.settle(0.4, MAKE)) == means(prompt.settle(0.4, MAKE)) == {"robot/r1": (12.0, 10.0)}
+    assert means(settled(late, 2).values()) == means(in_time.values()) == {"robot/r1": (12.0, 10.0)}
 
 
 def test_evidence_is_forwarded_once_and_only_that_of_the_own_robots() -> None:
@@ -134,12 +132,8 @@ def test_a_robot_that_was_heard_lately_is_believed_to_have_gone_on_as_it_went() 
 
 def test_who_contradicts_the_joint_is_named_with_the_reason() -> None:
     desk = new_desk()
-    desk.take_evidence("r1", 0, 0.0, at(10, 10, sees=sighting("robot/r2", 5.0)), own=True)
-    desk.take_evidence("r2", 0, 0.0, at(15, 10), own=True)
-    desk.settle(0.0, MAKE)
-    desk.take_evidence("r1", 1, 0.2, at(10, 10, sees=sighting("robot/r2", 15.0)), own=True)
-    desk.take_evidence("r2", 1, 0.2, at(15, 10), own=True)
-    (consensus,) = (c for c in desk.settle(0.2, MAKE) if c.subject == "robot/r2")
+    settled(desk, 0, r1=at(10, 10, sees=sighting("robot/r2", 5.0)), r2=at(15, 10))
+    consensus = settled(desk, 1, r1=at(10, 10, sees=sighting("robot/r2", 15.0)), r2=at(15, 10))["robot/r2"]
     assert consensus.conflict
     (out,) = consensus.left_out
     assert out.source == "r1"
@@ -151,10 +145,8 @@ def test_who_contradicts_the_joint_is_named_with_the_reason() -> None:
 def test_who_sees_an_object_at_two_places_is_told_as_two_camps() -> None:
     desk = new_desk()
     for tick in range(8):
-        desk.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sighting("object/ball", 5.0)), own=True)
-        desk.take_evidence("r2", tick, 0.2 * tick, at(25, 10, sees=sighting("object/ball", 5.0)), own=True)
-        consensuses = desk.settle(0.2 * tick, MAKE)
-    (ball,) = (consensus for consensus in consensuses if consensus.subject == "object/ball")
+        r1, r2 = (at(x, 10, sees=sighting("object/ball", 5.0)) for x in (10, 25))
+        ball = settled(desk, tick, r1=r1, r2=r2)["object/ball"]
     assert ball.conflict
     assert sorted(camp.sources for camp in ball.camps) == [["r1"], ["r2"]]
 
@@ -174,22 +166,22 @@ def test_what_is_kept_is_bounded() -> None:
 def test_a_sighting_of_a_kind_that_is_not_known_is_left_out_and_counted() -> None:
     desk = new_desk()
     sightings = [Seen(subject="object/ball", kind="doppler", values=(1.0,)), PLACED]
-    desk.take_evidence("r1", 0, 0.0, at(10, 10).model_copy(update={"seen": sightings}), own=True)
-    assert means(desk.settle(0.0, MAKE)) == {"robot/r1": (10.0, 10.0), "object/ball": (15.0, 12.0)}
+    consensuses = settled(desk, 0, r1=at(10, 10).model_copy(update={"seen": sightings}))
+    assert means(consensuses.values()) == {"robot/r1": (10.0, 10.0), "object/ball": (15.0, 12.0)}
     assert desk.counters["unknown_kinds"] == 1
 
 
 def test_an_object_that_ranges_leave_in_two_places_is_agreed_to_be_in_one_of_them() -> None:
     desk = new_desk(objects_drift=0.1)
+    ranged = Seen(subject="object/ball", kind="range", values=(10.0,), covariance=(0.01,))
+    r1, r2 = (at(x, 15.0).model_copy(update={"seen": [ranged]}) for x in (8.0, 20.0))
     for tick in range(5):
-        for name, x in (("r1", 8.0), ("r2", 20.0)):
-            ranged = Seen(subject="object/ball", kind="range", values=(10.0,), covariance=(0.01,))
-            desk.take_evidence(name, tick, 0.2 * tick, at(x, 15.0).model_copy(update={"seen": [ranged]}), own=True)
-        consensuses = {consensus.subject: consensus for consensus in desk.settle(0.2 * tick, MAKE)}
-    ball = unpack(consensuses["object/ball"].belief)
+        consensuses = settled(desk, tick, r1=r1, r2=r2)
+    consensus = consensuses["object/ball"]
+    ball = unpack(consensus.belief)
     assert ball.p[11:17, 20:26].sum() == pytest.approx(0.5, abs=0.1)
     assert ball.p[11:17, 4:10].sum() == pytest.approx(0.5, abs=0.1)
-    assert consensuses["object/ball"].parameters == {"places": 2.0}
+    assert consensus.parameters == {"places": 2.0}
 
 
 def test_an_object_that_may_be_anywhere_by_now_is_said_to_be() -> None:
@@ -208,27 +200,21 @@ def test_what_one_robot_may_put_into_the_joint_is_bounded(monkeypatch: pytest.Mo
     desk = new_desk()
     monkeypatch.setattr("blackboard.board.joint.room.MAX_OBJECTS", 6)
     for tick in range(16):
-        desk.take_evidence("r1", tick, 0.2 * tick, at(10, 10, sees=sighting(f"object/o{tick}", 5.0)), own=True)
-        consensuses = desk.settle(0.2 * tick, MAKE)
-    assert len([c for c in consensuses if c.subject.startswith("object/")]) == 6
+        consensuses = settled(desk, tick, r1=at(10, 10, sees=sighting(f"object/o{tick}", 5.0)))
+    assert len([subject for subject in consensuses if subject.startswith("object/")]) == 6
     assert desk.counters == {"joint_dropped": 10}
 
 
 def test_what_a_greedy_robot_invents_leaves_room_for_what_others_see_and_its_newest_go_first() -> None:
     desk = new_desk()
     for tick in range(4):
-        time = 0.2 * tick
         invented = [sighting(f"object/a{tick}-{i}", 2.0 + 0.1 * i) for i in range(64)]
-        desk.take_evidence("liar", tick, time, at(10, 10).model_copy(update={"relatives": invented}), own=True)
-        desk.take_evidence("r1", tick, time, at(20, 20, sees=sighting("object/ball", 5.0)), own=True)
-        if tick == 3:
-            desk.take_evidence("r2", tick, time, at(20, 10, sees=sighting("object/can", 5.0)), own=True)
-        subjects = {c.subject for c in desk.settle(time, MAKE)}
-    assert {"object/ball", "object/can"} <= subjects
-    desk.take_evidence("liar", 4, 0.8, at(10, 10).model_copy(update={"relatives": invented}), own=True)
-    desk.take_evidence("r1", 4, 0.8, at(20, 20), own=True)
-    last = [c for c in desk.settle(0.8, MAKE) if c.subject.startswith("object/a")]
-    assert all(c.subject.startswith("object/a0-") for c in last)
+        lies = at(10, 10).model_copy(update={"relatives": invented})
+        others = {"r2": at(20, 10, sees=sighting("object/can", 5.0))} if tick == 3 else {}
+        consensuses = settled(desk, tick, liar=lies, r1=at(20, 20, sees=sighting("object/ball", 5.0)), **others)
+    assert {"object/ball", "object/can"} <= consensuses.keys()
+    last = [subject for subject in settled(desk, 4, liar=lies, r1=at(20, 20)) if subject.startswith("object/a")]
+    assert all(subject.startswith("object/a0-") for subject in last)
 
 
 def test_an_object_that_nobody_has_seen_for_long_makes_room(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -249,10 +235,8 @@ def test_invented_objects_with_new_lasting_errors_in_every_tick_do_not_make_the_
             sighting(f"object/o{i}", 2.0 + 0.1 * i).model_copy(update={"biases": biases, "group": f"{tick}-{i}"})
             for i in range(64)
         ]
-        desk.take_evidence("liar", tick, 0.2 * tick, at(10, 10).model_copy(update={"relatives": invented}), own=True)
-        desk.take_evidence("r1", tick, 0.2 * tick, at(20, 20), own=True)
-        places = means(desk.settle(0.2 * tick, MAKE))
-        assert places["robot/r1"] == (20.0, 20.0)
+        consensuses = settled(desk, tick, liar=at(10, 10).model_copy(update={"relatives": invented}), r1=at(20, 20))
+        assert means(consensuses.values())["robot/r1"] == (20.0, 20.0)
         sizes.append(len(desk.team.joint.mean))
     assert max(sizes) <= 2 * STATES + 2 * MAX_OBJECTS + MAX_ERRORS
     assert desk.counters["joint_restarts"] == desk.counters["joint_left_out"] == 0
@@ -260,16 +244,14 @@ def test_invented_objects_with_new_lasting_errors_in_every_tick_do_not_make_the_
 
 def test_numbers_that_would_break_the_joint_are_refused_and_the_others_are_taken() -> None:
     desk = new_desk()
-    desk.take_evidence("r1", 0, 0.0, at(10, 10), own=True)
-    desk.settle(0.0, MAKE)
+    settled(desk, 0, r1=at(10, 10))
     wild = at(10, 10, travelled=1e12)
     moved = wild.travelled.model_copy(update={"turn": 1e12, "along": 1e12, "across": 1e12, "heading": 1e12})
     for broken in ({"travelled": moved, "state": None}, {"epoch": 400}):
         with pytest.raises(Refused, match="fields"):
             desk.take_evidence("r1", 1, 0.4, wild.model_copy(update=broken), own=True)
     desk.settle(0.2, MAKE)
-    desk.take_evidence("r2", 2, 0.4, at(20, 20), own=True)
-    assert "robot/r2" in means(desk.settle(0.4, MAKE))
+    assert "robot/r2" in settled(desk, 2, r2=at(20, 20))
 
 
 def test_a_robot_with_one_joint_of_its_own_agrees_with_its_filter() -> None:
@@ -293,8 +275,8 @@ def test_sums_that_shrink_and_epochs_to_come_are_refused() -> None:
         desk.take_evidence("r1", 1, 0.2, at(10, 10).model_copy(update={"travelled": shrunk}), own=True)
     with pytest.raises(Refused, match="future"):
         desk.take_evidence("r1", 1, 0.2, at(10, 10).model_copy(update={"epoch": 1 << 40}), own=True)
-    desk.take_evidence("r1", 1, 0.2, at(12, 10).model_copy(update={"travelled": shrunk, "epoch": 200}), own=True)
-    assert means(desk.settle(0.2, MAKE)) == {"robot/r1": (12.0, 10.0)}
+    began_anew = at(12, 10).model_copy(update={"travelled": shrunk, "epoch": 200})
+    assert means(settled(desk, 1, r1=began_anew).values()) == {"robot/r1": (12.0, 10.0)}
 
 
 def test_odometry_that_is_not_summed_is_refused_and_the_cure_is_named() -> None:
@@ -352,9 +334,8 @@ def test_a_robot_that_goes_back_to_an_epoch_it_left_is_not_heard() -> None:
     desk = new_desk()
     first, second = (at(x, 10).model_copy(update={"epoch": epoch}) for x, epoch in ((10, 0), (20, 200)))
     for tick, said in enumerate((first, second, first, first)):
-        desk.take_evidence("r1", tick, 0.2 * tick, said, own=True)
-        places = means(desk.settle(0.2 * tick, MAKE))
-    assert places == {"robot/r1": (20.0, 10.0)}
+        consensuses = settled(desk, tick, r1=said)
+    assert means(consensuses.values()) == {"robot/r1": (20.0, 10.0)}
     assert [passed.tick for passed in desk.forward(0.6)] == [0, 1]
 
 
@@ -364,7 +345,7 @@ def test_one_refused_robot_does_not_cost_the_others_of_a_forward() -> None:
     good = Forwarded(robot="r2", tick=0, evidence=at(20, 10))
     with pytest.raises(Refused, match="future"):
         desk.hear_forward(Forward(board="board-b", sub_team="b", tick=0, time=0.0, evidence=[bad, good]))
-    assert means(desk.settle(0.0, MAKE)) == {"robot/r2": (20.0, 10.0)}
+    assert means(settled(desk, 0).values()) == {"robot/r2": (20.0, 10.0)}
 
 
 def test_another_board_knows_when_the_evidence_that_is_passed_on_was_gathered() -> None:
@@ -382,8 +363,7 @@ def test_what_is_agreed_about_a_robot_has_its_velocity_while_it_is_heard() -> No
     for tick in range(3):
         evidence = at(10, 10)
         moved = evidence.travelled.model_copy(update={"distance": 0.4 * tick, "time": 0.2 * tick, "turn": 0.02 * tick})
-        desk.take_evidence("r1", tick, 0.2 * tick, evidence.model_copy(update={"travelled": moved}), own=True)
-        (consensus,) = desk.settle(0.2 * tick, MAKE)
+        (consensus,) = settled(desk, tick, r1=evidence.model_copy(update={"travelled": moved})).values()
     velocity = velocity_of(consensus.velocity)
     assert velocity is not None
     assert velocity.mean == pytest.approx([2.0 * math.cos(0.04), 2.0 * math.sin(0.04), 0.1])
