@@ -153,7 +153,8 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
         return
     if not relative.places and not (team.knows(observer) and team.knows(subject)):
         team.tally.silent += 1
-        if not robot and subject not in team.joint and team.knows(observer) and _has_room(team, subject, observer):
+        may_place = team.knows(observer) and observer not in team.left_out and not robot and not team.knows(subject)
+        if may_place and _has_room(team, subject, observer):
             ring = team.rings.setdefault(subject, Ring(team.drift_of(subject), observer, team.limits.sharpest))
             ring.add(line_of(team.joint.moments(observer), relative, motions.get(observer), team.elapsed))
         return
@@ -332,9 +333,11 @@ def close_rings(team: TeamState) -> None:
     """Let an object enter once its rings and rays leave one place; its error is then taken for independent of all others."""
     for subject, ring in list(team.rings.items()):
         places = ring.places() if ring.newest == team.elapsed else ()
-        if subject in team.joint or team.elapsed - ring.newest > team.objects.kept:
+        if team.knows(subject) or team.elapsed - ring.newest > team.objects.kept:
             del team.rings[subject]
         elif places and places[0].weight > SURE:
+            if subject in team.joint:  # where it was long ago, and may have gone anywhere from
+                team.forget_object(subject)
             team.joint.add(subject, places[0].moments)
             team.seen[subject] = 0.0
             del team.rings[subject]

@@ -248,12 +248,13 @@ class TeamJoint(TeamState):
         return sorted(b for b in names if b not in self.tracks or self.tracks.is_told(b))
 
     def anywhere(self) -> list[str]:
-        """The objects with a name, sorted, that were placed, and whose place is not known any more."""
-        lost = [name for name in self.seen if name not in self.tracks and not self.knows(name)]
+        """The objects with a name, sorted, that were placed, and whose place is not known any more, nor in doubt between a few."""
+        doubtful = self.doubtful()
+        lost = [name for name in self.seen if not (name in self.tracks or name in doubtful or self.knows(name))]
         return sorted(name for name in lost if np.trace(self.marginal(name).covariance) < FLAT)
 
     def doubtful(self) -> dict[str, tuple[RingPlace, ...]]:
-        """Of the objects that are not in the joint, those that are in one of a few places, as two rings leave them."""
+        """Of the objects whose place is not known, those that are in one of a few places, as two rings leave them."""
         by_subject = {subject: ring.places() for subject, ring in sorted(self.rings.items())}
         return {subject: places for subject, places in by_subject.items() if places}
 

@@ -181,6 +181,20 @@ def test_an_object_that_rolls_is_followed_by_ranges_or_bearings_alone(kind: Kind
     assert np.mean(np.array(squared) < 5.991) >= 0.85
 
 
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_an_object_that_may_be_anywhere_by_now_is_found_again_by_ranges_or_bearings_alone(kind: Kind) -> None:
+    """It was no news for them where it had been once, and nothing without a place for as long as objects are kept."""
+    chance, team, lost = np.random.default_rng(5), TeamJoint(Objects(drift=6.0)), []
+    robots = {"robot/r0": np.array([0.0, 0.0]), "robot/r1": np.array([10.0, 0.0]), "robot/r2": np.array([4.0, 9.0])}
+    for tick in range(21):
+        there = THERE + 3.0 * (tick == 20)
+        told = [standing(robot, place, tick, kind, chance, there) for robot, place in robots.items()]
+        team.settle(tick, 1.0, told if tick in (0, 20) else [replace(evidence, relatives=()) for evidence in told])
+        lost.append(team.anywhere() == ["object/ball"])
+    assert (lost[0], lost[19], lost[20]) == (False, True, False)
+    assert team.marginal("object/ball").mean == pytest.approx(THERE + 3.0, abs=0.5)
+
+
 def test_who_invents_things_leaves_room_for_those_that_others_measure_by_bearings() -> None:
     chance, team = np.random.default_rng(2), TeamJoint(Objects(drift=0.05))
     robots = {"robot/r0": np.array([0.0, 0.0]), "robot/r1": np.array([4.0, 0.0]), "robot/r2": np.array([1.0, 5.0])}
