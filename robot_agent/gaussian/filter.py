@@ -100,8 +100,7 @@ class FirstHand:
     def __post_init__(self) -> None:
         self._unsent, self._search = Unsent(self.robot), PlaceSearch(self.robot)
         self.landmarks = Landmarks(self.sensors.landmarks, self.sensors.camera.together)
-        wheels = self.sensors.wheels
-        self.wheels = WheelNoise(self.robot, wheels.nuisance, wheels.given, self.sensors.least_noise())
+        self.wheels = self._wheel_noise()
         self.mishaps = Mishaps(self.robot, self.sensors.wheels.nuisance)
         self.absolute = AbsoluteSensors(self.robot, self.sensors.wheels.nuisance)
 
@@ -230,11 +229,18 @@ class FirstHand:
 
     def _judge_wheels(self, at: Moments | None) -> None:
         """By the belief after the tick before: the team's, where it is plausible, else the own one."""
+        if self.wheels.least != self.sensors.least_noise(self.camera.is_judged):
+            self.wheels = self._wheel_noise()
         if (belief := self.belief) is None:
             self.wheels.give_up()
         else:
             by_team = at is not None and self._is_plausible(at)
             self.wheels.judge(at if at is not None and by_team else belief, by_team=by_team)
+
+    def _wheel_noise(self) -> WheelNoise:
+        """The noise of its wheels before it has driven."""
+        wheels = self.sensors.wheels
+        return WheelNoise(self.robot, wheels.nuisance, wheels.given, self.sensors.least_noise(self.camera.is_judged))
 
     def _seen(self, dt: float) -> Callable[[Sighting], Relative]:
         """How a sighting of a tick of `dt` seconds is told alone."""

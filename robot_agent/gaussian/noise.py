@@ -309,6 +309,11 @@ class CameraNoise:
     def __post_init__(self) -> None:
         self._factors = NoiseFactors((self.range,)), NoiseFactors((self.bearing,))
 
+    @property
+    def is_judged(self) -> bool:
+        """Whether landmarks tell how noisy the camera is."""
+        return bool(self._judged)
+
     def found(self, model: Camera) -> CameraFound | None:
         """The estimate of the camera's noise that goes into the evidence. None where the camera has a profile: then there is none."""
         if model.profile:

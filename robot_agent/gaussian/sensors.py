@@ -40,7 +40,7 @@ ALIKE = 4 / 3  # times the sigma of a frame: bearings that follow each other err
 MAX_GROUPS = 1024  # of landmarks that stand together
 #: Sigmas that are left once a robot was measured: of bearing, slip, range; of the drift, rad/s; of the lag, seconds.
 MEASURED, MEASURED_DRIFT, MEASURED_LAG = (0.01, 0.0, 0.02), 0.002, 0.03
-GUESSED = 0.25  # the least factor of the variance along the way where that is a guess
+GUESSED = 0.25  # the least factor of a variance that is a guess
 EXCESS = 3.0  # times: by how much a sigma of wheels that was told may be too large
 STILL = 1e-9  # unit or radians: less is no motion
 
@@ -180,16 +180,17 @@ class Sensors:
     # The map: `landmark/door` -> where it stands.
     landmarks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    def least_noise(self) -> tuple[float, float]:
+    def least_noise(self, camera_judged: bool) -> tuple[float, float]:
         """The least factors of the wheels' variances along the way and of the heading: what was told too large may be found smaller.
 
-        Less than wheels that nobody described have is not found, but for a guess along the way, which may be half as large. Where the
-        camera's noise is not found (a profile), that of wheels is not found smaller: a camera told too noisy makes wheels look better.
+        Less than wheels that nobody described have is not found, but for a guess, whose sigma may be half as large. Where no
+        landmark tells the camera's noise, that of wheels is not found smaller: a camera told too noisy makes wheels look better.
         """
-        told, usual, largest = self.wheels, Wheels(), 1.0 if self.camera.profile else EXCESS
+        told, usual, largest = self.wheels, Wheels(), EXCESS if camera_judged else 1.0
         along = _least_factor(largest, (told.along, usual.along))
-        guessed = 1.0 if told.given[0] else GUESSED
-        return guessed * along, _least_factor(largest, (told.heading, usual.heading), (told.turning, usual.turning))
+        heading = _least_factor(largest, (told.heading, usual.heading), (told.turning, usual.turning))
+        by = [1.0 if given else GUESSED for given in told.given]
+        return by[0] * along, by[1] * heading
 
     def relative(self, robot: str, seen: Seen) -> Relative:
         """A sighting of a further kind that is known here as a relative belief, by the robot's model where it says no errors."""

@@ -310,10 +310,12 @@ def test_wheels_that_were_told_three_times_too_noisy_are_found_to_be_as_good_as_
     assert held > 0.9
 
 
-def test_wheels_are_not_found_better_than_told_where_the_noise_of_the_camera_is_not_found() -> None:
-    wheels = Wheels(along=3 * ALONG, heading=0.06, turning=0.3, given=(True, True, True))
-    assert Sensors(wheels, Camera(profile=((1.0, 0.1), (5.0, 0.2)))).least_noise() == (1.0, 1.0)
-    assert Sensors(wheels).least_noise() == pytest.approx((1 / 9, 1 / 9))
+def test_wheels_are_not_found_better_than_told_where_no_landmark_tells_the_noise_of_the_camera() -> None:
+    told = Sensors(Wheels(along=3 * ALONG, heading=0.06, turning=0.3, given=(True,) * 3))
+    assert told.least_noise(camera_judged=False) == (1.0, 1.0)
+    assert told.least_noise(camera_judged=True) == pytest.approx((1 / 9, 1 / 9))
+    guessed = Sensors(Wheels(given=(False,) * 3))
+    assert guessed.least_noise(camera_judged=False) == (GUESSED, GUESSED)
 
 
 def test_a_robot_whose_model_leaves_nothing_open_tells_nothing() -> None:
