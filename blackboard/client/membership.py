@@ -335,7 +335,7 @@ class Membership:
 
 
 def _check_subject(method: str, subject: object) -> None:
-    """ValueError: nothing can ever be agreed on about this, so that who waits for it would wait for ever."""
+    """ValueError: the name is that of no subject, so there will never be a belief about it."""
     if not isinstance(subject, str) or not re.fullmatch(f"({SUBJECT_KINDS})/{NAME}", subject):
         raise Call(method).wrong("subject", subject, "give robot/NAME, object/NAME, landmark/NAME, or person/NAME")
 

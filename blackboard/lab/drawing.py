@@ -222,7 +222,7 @@ def _over_size(data: Mapping[str, Any]) -> Figure:
 def _by_grid(
     data: Mapping[str, Any], metrics: Mapping[str, str], along: str, place: str, every: int = 1
 ) -> tuple[Figure, Any]:
-    """Each metric along some numbers for each grid, with its 95 % interval over the runs where there are enough."""
+    """A panel per metric and grid, over `along` (a key of `data`, labelled `place`), with 95 % intervals if there are enough runs."""
     figure, axes = _figure(len(metrics), len(data["grids"]), data["title"])
     for column, (size, by_rule) in zip(axes.T, data["grids"].items(), strict=True):
         for axis, (metric, label) in zip(column, metrics.items(), strict=True):

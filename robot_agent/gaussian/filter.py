@@ -238,7 +238,7 @@ class FirstHand:
             self.wheels.judge(at if at is not None and by_team else belief, by_team=by_team)
 
     def _wheel_noise(self) -> WheelNoise:
-        """The noise of its wheels before it has driven."""
+        """An estimate of the noise of its wheels that nothing has been learned in yet."""
         wheels = self.sensors.wheels
         return WheelNoise(self.robot, wheels.nuisance, wheels.given, self.sensors.least_noise(self.camera.is_judged))
 

@@ -11,10 +11,9 @@ covariance of the pose by odometry alone and P' that of the belief afterwards, a
 measurement d / (1 - P' / P) of variance P P' / (P - P'). Short spans show jitter soon, and long ones an error that is alike for
 seconds: the larger counts, by what is sure of it to one sigma.
 
-The camera's is judged by landmarks only. The wheels' is never taken for less than that of wheels nobody described
-(`Sensors.least_noise`), because what is alike over minutes looks small over a span, and what the whole team shares looks small to
-all of them. Wheels that nobody described guess the noise along the way only: a heading that is believed too well turns the whole
-team, and without landmarks nobody sees it.
+The camera's is judged by landmarks only. The wheels' has a lower bound (`Sensors.least_noise`), because what is alike over minutes
+looks small over a span, and what the whole team shares looks small to all of them. Wheels that nobody described guess the noise
+along the way only: a heading that is believed too well turns the whole team, and without landmarks nobody sees it.
 
 Noise across the way is found only of a robot that nobody described at all: it may be a boat, or skid. The prior is Student's t, too.
 """
@@ -222,7 +221,8 @@ class Span:
     ) -> None:
         """Weigh the factors of some kinds; the noise of the others is taken for what was found.
 
-        A heading that errs far adds more than in proportion: what is left of a covariance may be none, which made one factor certain.
+        A large error of the heading adds to the covariance more than in proportion, so the difference `rest` may have a negative
+        eigenvalue. That is set to 0: it would give one factor all the weight.
         """
         own = np.array([made[kind] for kind in kinds])
         rest = led.covariance[POSE, POSE] - np.tensordot([noise[kind] for kind in kinds], own, 1)
@@ -247,7 +247,7 @@ class WheelNoise:
     nuisance: Nuisance
     #: Whether somebody gave the model of the noise along the way, of the heading, and across the way, which is found only if not.
     given: tuple[bool, bool, bool] = (True, True, True)
-    #: The least factors of the variances along the way and of the heading (`Sensors.least_noise`).
+    #: Lower bounds of the factors of the variances along the way and of the heading (`Sensors.least_noise`).
     least: tuple[float, float] = (1.0, 1.0)
     spans: tuple[Span, ...] = field(init=False)
 
@@ -311,7 +311,7 @@ class CameraNoise:
 
     @property
     def is_judged(self) -> bool:
-        """Whether landmarks tell how noisy the camera is."""
+        """Whether a sighting of a landmark has been judged yet."""
         return bool(self._judged)
 
     def found(self, model: Camera) -> CameraFound | None:

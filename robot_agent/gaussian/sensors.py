@@ -40,8 +40,8 @@ ALIKE = 4 / 3  # times the sigma of a frame: bearings that follow each other err
 MAX_GROUPS = 1024  # of landmarks that stand together
 #: Sigmas that are left once a robot was measured: of bearing, slip, range; of the drift, rad/s; of the lag, seconds.
 MEASURED, MEASURED_DRIFT, MEASURED_LAG = (0.01, 0.0, 0.02), 0.002, 0.03
-GUESSED = 0.25  # the least factor of a variance that is a guess
-EXCESS = 3.0  # times: by how much a sigma of wheels that was told may be too large
+GUESSED = 0.25  # lower bound of the estimated factor of a variance that nobody gave
+EXCESS = 3.0  # A given sigma of wheels may be estimated smaller by this factor at most.
 STILL = 1e-9  # unit or radians: less is no motion
 
 
@@ -109,6 +109,9 @@ class Wheels:
             quicker=change,
             aside=told.aside,
         )
+
+
+USUAL = Wheels()  # of a robot that nobody described
 
 
 @dataclass(frozen=True)
@@ -181,15 +184,15 @@ class Sensors:
     landmarks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def least_noise(self, camera_judged: bool) -> tuple[float, float]:
-        """The least factors of the wheels' variances along the way and of the heading: what was told too large may be found smaller.
+        """Lower bounds of the factors by which `WheelNoise` multiplies the variances along the way and of the heading.
 
-        Less than wheels that nobody described have is not found, but for a guess, whose sigma may be half as large. Where no
-        landmark tells the camera's noise, that of wheels is not found smaller: a camera told too noisy makes wheels look better.
+        A given variance is estimated no smaller than that of `Wheels()`, and by `EXCESS` in sigma at most. While no landmark has
+        shown how noisy the camera is, it is not estimated smaller at all: with a camera model that is too noisy, wheels look too good.
         """
-        told, usual, largest = self.wheels, Wheels(), EXCESS if camera_judged else 1.0
-        along = _least_factor(largest, (told.along, usual.along))
-        heading = _least_factor(largest, (told.heading, usual.heading), (told.turning, usual.turning))
-        by = [1.0 if given else GUESSED for given in told.given]
+        wheels, most = self.wheels, EXCESS if camera_judged else 1.0
+        along = _least_factor(most, (wheels.along, USUAL.along))
+        heading = _least_factor(most, (wheels.heading, USUAL.heading), (wheels.turning, USUAL.turning))
+        by = [1.0 if given else GUESSED for given in wheels.given]
         return by[0] * along, by[1] * heading
 
     def relative(self, robot: str, seen: Seen) -> Relative:
@@ -219,10 +222,10 @@ class Sensors:
         return relatives
 
 
-def _least_factor(largest: float, *sigmas: tuple[float, float]) -> float:
-    """The factor that leaves the variances of all `sigmas`, (told, usual), at least usual; not below 1 / largest^2, nor above 1."""
-    excess = min((told / usual for told, usual in sigmas if told > 0), default=1.0)
-    return min(largest, max(1.0, excess)) ** -2
+def _least_factor(most: float, *sigmas: tuple[float, float]) -> float:
+    """The smallest factor of variances, from 1 / most^2 to 1, with which no sigma of the pairs (given, usual) gets below the usual."""
+    excess = min((given / usual for given, usual in sigmas if given > 0), default=1.0)
+    return min(most, max(1.0, excess)) ** -2
 
 
 def _share(part: float, whole: float) -> float:

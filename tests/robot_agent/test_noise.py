@@ -32,7 +32,7 @@ def block(x: float, y: float = 0.0, heading: float = 0.0, sigma: float = SURE) -
 
 
 def wheel_noise(given: bool, nuisance: Nuisance) -> WheelNoise:
-    """Of wheels whose noise was given, or is a guess."""
+    """An estimate for wheels whose noise was given, or is a guess."""
     return WheelNoise("robot/r1", nuisance, (given,) * 3, (1.0 if given else GUESSED,) * 2)
 
 
@@ -127,7 +127,7 @@ def test_a_heading_that_errs_more_says_so_of_the_way_where_both_were_told_or_nei
 
 
 def test_a_heading_that_drifts_far_within_a_span_leaves_the_noise_open() -> None:
-    """Its way is uncertain by more than in proportion, and no combination of noises becomes certain by that."""
+    """The covariance without the noise of wheels had a negative eigenvalue, and one factor got all the weight."""
     rng, noise, heading = np.random.default_rng(4), wheel_noise(True, WHEELED), 0.0
     place = np.zeros(2)
     for tick in range(200):

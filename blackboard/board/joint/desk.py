@@ -162,12 +162,12 @@ class JointDesk:
             self.counters.update(+self.team.tally.tracks)
         self.counters.update(counters(self._unnamed))
         self._judge(time, verdicts)
-        # What may be anywhere is said to be: else the board would fall back on opinions, which are older and surer.
-        held = sorted({*self.team.subjects(), *self.team.anywhere()})
+        # An object whose place was lost has a flat consensus. Without one the board would pool old opinions, which are too sure.
+        doubtful = self.team.doubtful()
+        held = sorted({*self.team.subjects(), *self.team.anywhere()} - doubtful.keys())
         known = [subject for subject in held if self._age(subject, time) <= self.settings.max_age]
-        doubtful = self.team.doubtful().items()
         settled = [self._consensus(subject, verdicts, time, make) for subject in known]
-        return settled + [self._in_doubt(subject, places, make) for subject, places in doubtful]
+        return settled + [self._in_doubt(subject, places, make) for subject, places in doubtful.items()]
 
     def _judge(self, time: float, verdicts: list[Verdict]) -> None:
         """Compare where each robot says that it is with where the joint has it."""

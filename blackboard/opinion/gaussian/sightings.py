@@ -226,9 +226,9 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
 
 
 def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Factor:
-    """A sighting of an object, once it has told how that moves; what is no news does not.
+    """Update the estimate of how an object moves by a sighting; returned is the sighting's factor, linearised anew if that moved it.
 
-    A range or a bearing alone tells it of an object that the joint knows.
+    Sightings of robots that are left out or doubted do not update it, nor does a range or bearing alone of an object not in the joint.
     """
     observer, subject = relative.observer, relative.subject
     moves = team.moved_by_sighting(relative)
@@ -320,7 +320,7 @@ def _placed(team: TeamState, relative: Relative, factor: Factor, motions: Mappin
     before = team.joint.moments(relative.subject) if relative.subject in team.joint else factor.priors[relative.subject]
     spread = team.joint.innovation(Factor(factor.residual, rows, factor.noise, factor.priors)).covariance
     weighed = by.T @ np.linalg.inv(spread)
-    # A range or a bearing alone says nothing across its line.
+    # The information of a range or a bearing alone has rank one; a flat prior makes it invertible.
     covariance = np.linalg.inv(weighed @ by + (0.0 if relative.places else 1.0 / FLAT) * np.eye(2))
     way = covariance @ weighed @ factor.residual
     far = squared_distance(way, before.covariance + covariance) > quantile(GATE, 2)
@@ -336,7 +336,7 @@ def close_rings(team: TeamState) -> None:
         if team.knows(subject) or team.elapsed - ring.newest > team.objects.kept:
             del team.rings[subject]
         elif places and places[0].weight > SURE:
-            if subject in team.joint:  # where it was long ago, and may have gone anywhere from
+            if subject in team.joint:  # with a variance beyond `KNOWN`
                 team.forget_object(subject)
             team.joint.add(subject, places[0].moments)
             team.seen[subject] = 0.0

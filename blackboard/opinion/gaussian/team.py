@@ -248,9 +248,8 @@ class TeamJoint(TeamState):
         return sorted(b for b in names if b not in self.tracks or self.tracks.is_told(b))
 
     def anywhere(self) -> list[str]:
-        """The objects with a name, sorted, that were placed, and whose place is not known any more, nor in doubt between a few."""
-        doubtful = self.doubtful()
-        lost = [name for name in self.seen if not (name in self.tracks or name in doubtful or self.knows(name))]
+        """The named objects, sorted, that the joint knew a place of, and whose variance has since grown beyond `KNOWN`."""
+        lost = [name for name in self.seen if not (name in self.tracks or self.knows(name))]
         return sorted(name for name in lost if np.trace(self.marginal(name).covariance) < FLAT)
 
     def doubtful(self) -> dict[str, tuple[RingPlace, ...]]:

@@ -146,8 +146,9 @@ class Walks(Copyable):
     _habits: dict[str, Habits] = field(default_factory=dict)  # of things without a name, by class
 
     def begin(self, subject: str, place: Moments) -> None:
-        """An object is at a place, mean, shape (2,), and covariance, shape (2, 2), of which no sighting has told before."""
-        self._motions.setdefault(subject, _Motion(_Bank.begun(place)))
+        """Begin to estimate the motion of an object from its place in the joint, mean (2,) and covariance (2, 2)."""
+        if subject not in self._motions:
+            self._motions[subject] = _Motion(_Bank.begun(place))
 
     def drift(self, subject: str, prior: float) -> float:
         """The random walk of an object as found, by what it was before anything was seen."""

@@ -39,7 +39,7 @@ def sighting(subject: str, distance: float) -> PackedRelative:
 
 
 def settled(desk: JointDesk, tick: int, **told: PackedEvidence) -> dict[str, Consensus]:
-    """What a board makes of a tick of 0.2 s in which its robots told something, by subject."""
+    """Give the desk the evidence of its robots for one tick (each is 0.2 s long) and settle it: the consensuses, by subject."""
     for robot, evidence in told.items():
         desk.take_evidence(robot, tick, 0.2 * tick, evidence, own=True)
     return {consensus.subject: consensus for consensus in desk.settle(0.2 * tick, MAKE)}

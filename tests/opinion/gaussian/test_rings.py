@@ -183,7 +183,7 @@ def test_an_object_that_rolls_is_followed_by_ranges_or_bearings_alone(kind: Kind
 
 @pytest.mark.parametrize("kind", ["range", "bearing"])
 def test_an_object_that_may_be_anywhere_by_now_is_found_again_by_ranges_or_bearings_alone(kind: Kind) -> None:
-    """It was no news for them where it had been once, and nothing without a place for as long as objects are kept."""
+    """A range or bearing of it was ignored until the object was forgotten, after `Objects.kept` seconds."""
     chance, team, lost = np.random.default_rng(5), TeamJoint(Objects(drift=6.0)), []
     robots = {"robot/r0": np.array([0.0, 0.0]), "robot/r1": np.array([10.0, 0.0]), "robot/r2": np.array([4.0, 9.0])}
     for tick in range(21):
