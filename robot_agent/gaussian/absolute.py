@@ -16,7 +16,7 @@ from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.relation import bias_block
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, Nuisance, correct, drive, wrap
 from blackboard.wire.messages import Fix, Readings
-from robot_agent.gaussian.noise import NoiseFactor, NoiseFactors
+from robot_agent.gaussian.factors import NoiseFactor, NoiseFactors
 
 #: Seconds after which the lasting error of a fix is another one, an Ornstein-Uhlenbeck process as of receivers at rest (Sensors
 #: 20(21), 6050, 2020): between what is best for errors that last 5 s and 60 s, on development seeds (docs/notes/wrong-models.md).

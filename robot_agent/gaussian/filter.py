@@ -228,14 +228,13 @@ class FirstHand:
         return True
 
     def _judge_wheels(self, at: Moments | None) -> None:
-        """By the belief after the tick before: the team's, where it is plausible, else the own one."""
+        """By the beliefs after the tick before: the own one, and the team's where it is plausible."""
         if self.wheels.least != self.sensors.least_noise(self.camera.is_judged):
             self.wheels = self._wheel_noise()
-        if (belief := self.belief) is None:
+        if not self.known:
             self.wheels.give_up()
         else:
-            by_team = at is not None and self._is_plausible(at)
-            self.wheels.judge(at if at is not None and by_team else belief, by_team=by_team)
+            self.wheels.judge(self.joint, at if at is not None and self._is_plausible(at) else None)
 
     def _wheel_noise(self) -> WheelNoise:
         """An estimate of the noise of its wheels that nothing has been learned in yet."""
@@ -351,14 +350,19 @@ class FirstHand:
         earlier = None if before is None else before.odometry
         motion = self.sensors.wheels.motion(told, earlier)
         motion = self._learning_from(motion, self.jitter.significance(told))
-        motion = self.wheels.scaled(motion)
-        self.wheels.move(motion)
-        motion = motion.plus(blind)
+        scaled = self.wheels.scaled(motion)
+        motion = scaled.plus(blind)
         self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
+        heading = self._heading()
         self._drive(motion)
         if self.known:
+            self.wheels.move(self.joint, scaled, heading + wrap(self._heading() - heading) / 2)
             forget_biases(self.joint, motion.dt)
         return motion
+
+    def _heading(self) -> float:
+        """Radians; 0 where there is no belief."""
+        return float(self.joint.mean[self.joint.blocks[self.robot]][HEADING]) if self.known else 0.0
 
     def _blind(self, readings: Readings, at: Moments | None) -> Motion:
         """The process noise of unmeasured motion; `at` is where the team had the robot a tick ago.

@@ -251,6 +251,14 @@ class Joint:
         self.covariance[at, :] = rows
         self.covariance[:, at] = rows.T
 
+    def keep(self, block: Block, by: Array, noise: Array, total: Block) -> None:
+        """Add an error of covariance `noise`, (k, k), to the block `total`, of k states; a block has it already, times `by`."""
+        errors = np.zeros((len(self.mean), len(noise)))
+        errors[self.blocks[block]], errors[self.blocks[total]] = by, np.eye(len(noise))
+        at, added = self.blocks[block], _symmetric(errors @ noise @ errors.T)
+        added[at, at] = 0.0
+        self.covariance += added
+
     def shear(self, to: Array, by: Array, factors: Array) -> None:
         """Add `factors` times the states `by` to the states `to`; indices and factors have shape (k,), none is in both.
 

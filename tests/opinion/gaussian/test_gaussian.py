@@ -143,6 +143,25 @@ def test_a_covariance_stays_symmetric_to_the_bit(seed: int) -> None:
         assert np.linalg.eigvalsh(joint.covariance).min() > -1e-12 * np.abs(joint.covariance).max()
 
 
+@given(SEEDS)
+def test_a_kept_sum_of_noise_is_found_by_what_is_seen_of_its_robot(seed: int) -> None:
+    """As of a joint that has each noise as a block of its own, and is transformed at once."""
+    chance, joint = np.random.default_rng(seed), team(seed)
+    by, noise = chance.normal(size=(STATES, 3)), np.diag(chance.uniform(0.1, 1.0, 3))
+    joint.add("sum", Moments(np.zeros(3), np.zeros((3, 3))))
+    apart = joint.copy()
+    apart.add("noise", Moments(np.zeros(3), noise))
+    whole = np.eye(len(apart.mean))
+    whole[apart.blocks["robot/r0"], apart.blocks["noise"]] = by
+    whole[apart.blocks["sum"], apart.blocks["noise"]] = np.eye(3)
+    expected = (whole @ apart.covariance @ whole.T)[: len(joint.mean), : len(joint.mean)]
+    mean = joint.moments("robot/r0").mean
+    joint.move("robot/r0", mean, np.eye(STATES), by @ noise @ by.T)
+    joint.keep("robot/r0", by, noise, "sum")
+    assert joint.covariance == pytest.approx(expected, abs=1e-9)
+    assert (joint.covariance == joint.covariance.T).all()
+
+
 def test_a_dropped_block_leaves_the_others_as_they_were() -> None:
     joint = team(3, robots=3)
     before = joint.moments("robot/r0", "robot/r2")
