@@ -32,24 +32,25 @@ def identified(
 ) -> list[Relative]:
     """Of the unnamed sightings of a robot those that clearly are of a known subject, as sightings of it, the newest of each.
 
-    What an observer sees in one frame, at one age, are different things. Those of the newest frame that are of nobody known begin
-    tracks. `unclear` gets those that may be of several, and which these are, where no clearer or newer one of the tick is of any of
-    them. Of a frame with two of these it gets none: a liar could take all its mates along in one tick, before it is doubted. What it
-    alone takes for a robot of no team is one of the two. Tracks take nobody along: what may be of a mate or a track is of nobody, as
-    far as it is of the track. What may be of several tracks is taken for the likeliest; `unclear` gets it where it may be of none, or
-    of another one that is told of.
+    What an observer sees in one frame, at one age, are different things. Those of the newest frame of their class that are of nobody
+    known begin tracks. `unclear` gets those that may be of several, and which these are, where no clearer or newer one of the tick is
+    of any of them. Of a frame with two of these it gets none: a liar could take all its mates along in one tick, before it is doubted.
+    What it alone takes for a robot of no team is one of the two. Tracks take nobody along: what may be of a mate or a track is of
+    nobody, as far as it is of the track. What may be of several tracks is taken for the likeliest; `unclear` gets it where it may be
+    of none, or of another one that is told of.
     """
     observer, chosen, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
     lonely = set[float]()  # ages of frames that may show a robot that nobody else has seen
     named = {sighting.subject for sighting in evidence.relatives if not is_class(sighting.subject)}
     unnamed = _unnamed(team, evidence)
     if not unnamed:
-        watch(team, observer, [], [])
-    for number, age in enumerate(sorted({sighting.age for sighting in unnamed})):
+        watch(team, observer, evidence.time, [], [])
+    newer = set[str]()  # classes of which a newer frame shows something
+    for age in sorted({sighting.age for sighting in unnamed}):
         frame = [sighting for sighting in unnamed if sighting.age == age]
         candidates = _candidates(team, evidence, frame, news, motions)
         odds = _odds(team, observer, frame, candidates, motions)
-        watch(team, observer, frame, odds)
+        watch(team, observer, evidence.time, frame, odds)
         of_tracks: list[tuple[float, Doubt]] = []  # of some track with this probability
         for sighting, its, share in zip(frame, candidates, odds, strict=True):
             taken = clear(share)
@@ -60,17 +61,18 @@ def identified(
             if taken is not None and taken not in named:
                 chosen.setdefault(taken, its[taken])
             elif taken is None and share and set(share) <= set(team.tracks):
-                of_tracks.append((sum(share.values()), [(p, its[one]) for one, p in share.items()]))
+                if sighting.subject not in newer:
+                    of_tracks.append((sum(share.values()), [(p, its[one]) for one, p in share.items()]))
             elif taken is None and share:
                 doubts.append((age, [(p, its[one]) for one, p in share.items() if one not in team.tracks]))
-        if number == 0:
-            told = {one for one in team.tracks if team.tracks.is_told(one)}
-            for some, one in _apart(of_tracks, set(chosen), told):
-                if some >= CLEAR:
-                    chosen[one.subject] = one
-                else:
-                    unclear.append([(some, one)])
-            chosen |= begin(team, frame, odds)
+        told = {one for one in team.tracks if team.tracks.is_told(one)}
+        for some, one in _apart(of_tracks, set(chosen), told):
+            if some >= CLEAR:
+                chosen[one.subject] = one
+            else:
+                unclear.append([(some, one)])
+        chosen |= begin(team, frame, odds, newer)
+        newer |= {sighting.subject for sighting in frame}
     used = named | set(chosen) | {sighting.subject for doubt in unclear for _, sighting in doubt}
     for age in sorted({age for age, _ in doubts}):
         fresh = [

@@ -46,9 +46,12 @@ def near(team: TeamState, seen: Relative, motion: Motion | None) -> set[str]:
 
 
 def watch(
-    team: TeamState, observer: str, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None]
+    team: TeamState, observer: str, time: float, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None]
 ) -> None:
-    """Hold a frame of an observer, with what its sightings may be of, for and against all tracks."""
+    """Hold what an observer sees in a frame of a tick that ended at a team time (s), with what that may be of, for and against tracks.
+
+    A track of a class of which it has no frame now is left as it is.
+    """
     if observer in team.left_out or not team.knows(observer) or any(its is None for its in odds):
         return
     for sighting in frame:
@@ -61,7 +64,10 @@ def watch(
                 shown[block] = min(1.0, shown.get(block, 0.0) + share)
                 if shown[block] >= LIKELY:
                     team.seen[block] = 0.0
-    team.tracks.judge(observer, places(team, observer), shown)
+    looks = team.tracks.looks(observer, {sighting.subject for sighting in frame}, time)
+    where = places(team, observer)
+    told = {block: where[block] for block in where if block in shown or team.tracks.kind(block) in looks}
+    team.tracks.judge(observer, told, shown)
 
 
 def places(team: TeamState, observer: str) -> dict[str, Place]:
@@ -79,13 +85,17 @@ def places(team: TeamState, observer: str) -> dict[str, Place]:
 
 
 def begin(
-    team: TeamState, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None]
+    team: TeamState, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None], newer: Collection[str]
 ) -> dict[str, Relative]:
-    """A track for each sighting of a frame that most likely is of nobody known: by its block, with the sighting as one of it."""
+    """A track for each sighting of a frame that most likely is of nobody known: by its block, with the sighting as one of it.
+
+    A sighting of a class of which a newer frame shows something, in `newer`, begins none.
+    """
     begun: dict[str, Relative] = {}
     for sighting, its in zip(frame, odds, strict=True):
         strange = its is not None and sum(its.values()) < LIKELY and kind_of(sighting.subject) != "landmark"
-        if strange and sighting.places and sighting.observer not in team.left_out:
+        new = strange and sighting.subject not in newer
+        if new and sighting.places and sighting.observer not in team.left_out:
             block = team.tracks.begin(sighting.observer, sighting.subject)
             if block is None:
                 team.tally.tracks["unnamed_left_out"] += 1

@@ -208,6 +208,16 @@ class Tracks:
         reach, side = view.reach.plus(distance), view.side.plus(abs(bearing))
         keep(self._views, (observer, kind), replace(view, reach=reach, side=side))
 
+    def looks(self, observer: str, shown: Collection[str], time: float) -> set[str]:
+        """The classes of which an observer has a frame in a tick that ended at a team time (s): it has `shown` some, or it is time."""
+        for kind in sorted(shown):
+            keep(self._views, (observer, kind), self._view(observer, kind).shown(time))
+        its = {kind: view for (robot, kind), view in self._views.items() if robot == observer}
+        looked = {kind for kind, view in its.items() if kind not in shown and view.looks(time)}
+        for kind in looked:
+            self._views[observer, kind] = replace(its[kind], looked_at=time)
+        return looked.union(shown)
+
     def judge(self, observer: str, places: Mapping[str, Place], seen: Mapping[str, float]) -> None:
         """Take a frame of an observer: where tracks are from it, and with which probabilities it shows them."""
         for block in sorted(places):

@@ -106,6 +106,33 @@ def test_who_is_gone_is_told_of_no_more_and_its_number_is_given_to_nobody() -> N
     assert tracks(joint) == ["person/2"]
 
 
+def test_who_is_in_each_frame_of_a_camera_that_is_slower_than_the_ticks_is_sure() -> None:
+    """A tick between two frames shows nobody, and says nothing."""
+    joint, robots = a_team()
+    places = [robots[0].place + [45.0, aside] for aside in (-9.0, 0.0, 9.0)]
+    for tick in range(42):
+        people = {} if tick % 6 else {robots[0].name: places}
+        joint.settle(tick, 0.1, with_people(robots, tick, people))
+        if tick >= 18:
+            assert tracks(joint) == ["person/1", "person/2", "person/3"], tick
+            assert all(joint.tracks.existence(name) == pytest.approx(1.0, abs=0.02) for name in tracks(joint))
+
+
+def test_detectors_of_a_robot_with_other_delays_do_not_speak_against_each_other() -> None:
+    """Each shows things of its own class alone, in a frame of its own age."""
+    joint, robots = a_team()
+    place = robots[0].place + [45.0, -2.0]
+    for tick in range(30):
+        reports = with_people(robots, tick, {})
+        ball = replace(sight_of(robots[0], place + [0.0, 4.0], "object/ball?"), mark=0)
+        person = replace(sight_of(robots[0], place), mark=1, age=0.1)
+        reports[0] = replace(reports[0], relatives=(*reports[0].relatives, ball, person))
+        joint.settle(tick, 0.1, reports)
+        for name in ("object/ball-1", "person/1") if tick >= 5 else ():
+            assert name in joint.subjects(), tick
+            assert joint.tracks.existence(name) == pytest.approx(1.0, abs=0.02)
+
+
 def test_who_was_hidden_for_a_while_is_the_same_afterwards() -> None:
     joint, robots = a_team()
     walked(joint, robots, range(8), [4.0, -2.0])
