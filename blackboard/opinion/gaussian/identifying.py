@@ -42,7 +42,9 @@ def identified(
     observer, chosen, doubts = evidence.robot, dict[str, Relative](), list[tuple[float, Doubt]]()
     lonely = set[float]()  # ages of frames that may show a robot that nobody else has seen
     named = {sighting.subject for sighting in evidence.relatives if not is_class(sighting.subject)}
-    unnamed = _unnamed(team, evidence)
+    every = _unnamed(evidence)
+    unnamed, cut = every[:MOST_SEEN], {sighting.age for sighting in every[MOST_SEEN:]}
+    team.tally.tracks["unnamed_left_out"] += len(every) - len(unnamed)
     if not unnamed:
         watch(team, observer, evidence.time, [], [])
     newer = set[str]()  # classes of which a newer frame shows something
@@ -50,7 +52,7 @@ def identified(
         frame = [sighting for sighting in unnamed if sighting.age == age]
         candidates = _candidates(team, evidence, frame, news, motions)
         odds = _odds(team, observer, frame, candidates, motions)
-        watch(team, observer, evidence.time, frame, odds)
+        watch(team, observer, evidence.time, frame, odds, whole=age not in cut)
         of_tracks: list[tuple[float, Doubt]] = []  # of some track with this probability
         for sighting, its, share in zip(frame, candidates, odds, strict=True):
             taken = clear(share)
@@ -107,8 +109,8 @@ def _apart(
     return apart
 
 
-def _unnamed(team: TeamState, evidence: Evidence) -> list[Relative]:
-    """The unnamed sightings of a robot's own, as many as are looked at, the newest first."""
+def _unnamed(evidence: Evidence) -> list[Relative]:
+    """The unnamed sightings of a robot's own, the newest first."""
     unnamed = [
         sighting
         for sighting in evidence.relatives
@@ -118,9 +120,7 @@ def _unnamed(team: TeamState, evidence: Evidence) -> list[Relative]:
         sighting if sighting.mark is not None else replace(sighting, mark=number)
         for number, sighting in enumerate(unnamed)
     ]
-    unnamed.sort(key=lambda sighting: (sighting.age, sighting.mark or 0))
-    team.tally.tracks["unnamed_left_out"] += len(unnamed[MOST_SEEN:])
-    return unnamed[:MOST_SEEN]
+    return sorted(unnamed, key=lambda sighting: (sighting.age, sighting.mark or 0))
 
 
 def _candidates(

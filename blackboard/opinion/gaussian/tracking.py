@@ -46,11 +46,17 @@ def near(team: TeamState, seen: Relative, motion: Motion | None) -> set[str]:
 
 
 def watch(
-    team: TeamState, observer: str, time: float, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None]
+    team: TeamState,
+    observer: str,
+    time: float,
+    frame: Sequence[Relative],
+    odds: Sequence[Mapping[str, float] | None],
+    *,
+    whole: bool = True,
 ) -> None:
     """Hold what an observer sees in a frame of a tick that ended at a team time (s), with what that may be of, for and against tracks.
 
-    A track of a class of which it has no frame now is left as it is.
+    A track of a class of which it has no frame now is left as it is. A frame that is not `whole` speaks against none.
     """
     if observer in team.left_out or not team.knows(observer) or any(its is None for its in odds):
         return
@@ -66,7 +72,7 @@ def watch(
                     team.seen[block] = 0.0
     looks = team.tracks.looks(observer, {sighting.subject for sighting in frame}, time)
     where = places(team, observer)
-    told = {block: where[block] for block in where if block in shown or team.tracks.kind(block) in looks}
+    told = {block: where[block] for block in where if block in shown or (whole and team.tracks.kind(block) in looks)}
     team.tracks.judge(observer, told, shown)
 
 

@@ -133,6 +133,17 @@ def test_detectors_of_a_robot_with_other_delays_do_not_speak_against_each_other(
             assert joint.tracks.existence(name) == pytest.approx(1.0, abs=0.02)
 
 
+def test_whom_a_robot_sees_beyond_as_many_as_are_looked_at_lives_by_another_one() -> None:
+    """What was left out of a frame may be anybody, so it speaks against nobody."""
+    joint, robots = a_team()
+    places = [robots[0].place + [x, y] for x in (45, 50, 60, 65, 55) for y in (-6.0, -2.0, 2.0, 6.0)]
+    first, second, third = (robot.name for robot in robots)
+    for tick in range(40):
+        seen = {first: places, second: places, third: places[MOST_SEEN:]}
+        joint.settle(tick, 0.2, with_people(robots, tick, seen))
+    assert len(tracks(joint)) == len(places) > MOST_SEEN
+
+
 def test_who_was_hidden_for_a_while_is_the_same_afterwards() -> None:
     joint, robots = a_team()
     walked(joint, robots, range(8), [4.0, -2.0])
