@@ -114,10 +114,9 @@ class OwnSpan(Span):
     """Mutable: by the robot's own filter, which keeps the sums of the noise by kind, unit and radians, as a block."""
 
     _joint: Joint | None = None  # that has the block
-    _led: Array = field(
-        default_factory=lambda: np.zeros(3)
-    )  # variances of the sums, by kind, with the noise that was found
-    _model: Array = field(default_factory=lambda: np.zeros(3))  # the same with the model's
+    #: Variances of the sums by odometry alone, by kind: with the noise that was found, and with the model's.
+    _led: Array = field(default_factory=lambda: np.zeros(3))
+    _model: Array = field(default_factory=lambda: np.zeros(3))
 
     def give_up(self) -> None:
         """Judge nothing of this span."""

@@ -70,9 +70,9 @@ def watch(
                 shown[block] = min(1.0, shown.get(block, 0.0) + share)
                 if shown[block] >= LIKELY:
                     team.seen[block] = 0.0
-    looks = team.tracks.looks(observer, {sighting.subject for sighting in frame}, time)
+    looked = team.tracks.on_frame(observer, {sighting.subject for sighting in frame}, time)
     where = places(team, observer)
-    told = {block: where[block] for block in where if block in shown or (whole and team.tracks.kind(block) in looks)}
+    told = {block: where[block] for block in where if block in shown or (whole and team.tracks.kind(block) in looked)}
     team.tracks.judge(observer, told, shown)
 
 

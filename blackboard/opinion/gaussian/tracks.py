@@ -208,8 +208,11 @@ class Tracks:
         reach, side = view.reach.plus(distance), view.side.plus(abs(bearing))
         keep(self._views, (observer, kind), replace(view, reach=reach, side=side))
 
-    def looks(self, observer: str, shown: Collection[str], time: float) -> set[str]:
-        """The classes of which an observer has a frame in a tick that ended at a team time (s): it has `shown` some, or it is time."""
+    def on_frame(self, observer: str, shown: Collection[str], time: float) -> set[str]:
+        """Take an observer's tick that ended at a team time (s): the classes of which it has a frame.
+
+        These are the classes that it has `shown`, and those of which it is time for one that shows nothing.
+        """
         for kind in sorted(shown):
             keep(self._views, (observer, kind), self._view(observer, kind).shown(time))
         its = {kind: view for (robot, kind), view in self._views.items() if robot == observer}
