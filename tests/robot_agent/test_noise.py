@@ -129,6 +129,20 @@ def test_a_belief_that_knows_no_more_than_odometry_judges_nothing() -> None:
     assert robot.noise.found["along"].variance == 1.0
 
 
+def test_a_span_of_the_team_is_not_judged_by_the_robot_alone() -> None:
+    robot = driver()
+    for _ in range(8):
+        before = robot.noise.found["along"].variance
+        robot.noise.judge(robot.own, block(0.0))
+        for tick in range(1, int(LONGEST)):
+            robot.noise.move(robot.own, TICK, 0.0)
+            robot.noise.judge(Joint.of({ROBOT: block(TICK.distance * tick + 1.0)}), None)
+        assert robot.noise.found["along"].variance == before
+        robot.noise.judge(robot.own, block(TICK.distance * (LONGEST - 1) + 1.0))
+        robot.noise.give_up()
+    assert robot.noise.found["along"].variance > 1.0
+
+
 def test_a_team_that_knows_more_than_the_robot_tells_it_the_noise_of_its_wheels() -> None:
     assert 3.0 < along(driven(4.0, 600, 1, by_team=True)) < 5.0
 

@@ -252,7 +252,7 @@ class Joint:
         self.covariance[:, at] = rows.T
 
     def keep(self, block: Block, by: Array, noise: Array, total: Block) -> None:
-        """Add an error of covariance `noise`, (k, k), to the block `total`, of k states; a block has it already, times `by`."""
+        """Add noise, covariance (k, k), to the sum in the block `total`, (k,). `block` has it already, times `by`, (states, k)."""
         errors = np.zeros((len(self.mean), len(noise)))
         errors[self.blocks[block]], errors[self.blocks[total]] = by, np.eye(len(noise))
         at, added = self.blocks[block], _symmetric(errors @ noise @ errors.T)

@@ -93,9 +93,9 @@ def places(team: TeamState, observer: str) -> dict[str, Place]:
 def begin(
     team: TeamState, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None], newer: Collection[str]
 ) -> dict[str, Relative]:
-    """A track for each sighting of a frame that most likely is of nobody known: by its block, with the sighting as one of it.
+    """Begin a track for each sighting of a frame that most likely shows nobody known: block -> that sighting, named after the track.
 
-    A sighting of a class of which a newer frame shows something, in `newer`, begins none.
+    No track begins for a class in `newer`: a newer frame of the tick shows something of it.
     """
     begun: dict[str, Relative] = {}
     for sighting, its in zip(frame, odds, strict=True):

@@ -107,7 +107,7 @@ def test_who_is_gone_is_told_of_no_more_and_its_number_is_given_to_nobody() -> N
 
 
 def test_who_is_in_each_frame_of_a_camera_that_is_slower_than_the_ticks_is_sure() -> None:
-    """A tick between two frames shows nobody, and says nothing."""
+    """A tick without a camera frame is no evidence that nobody is there."""
     joint, robots = a_team()
     places = [robots[0].place + [45.0, aside] for aside in (-9.0, 0.0, 9.0)]
     for tick in range(42):
@@ -134,7 +134,7 @@ def test_detectors_of_a_robot_with_other_delays_do_not_speak_against_each_other(
 
 
 def test_whom_a_robot_sees_beyond_as_many_as_are_looked_at_lives_by_another_one() -> None:
-    """What was left out of a frame may be anybody, so it speaks against nobody."""
+    """A robot's sightings beyond 16 are dropped. A track that is not among the others may be among those."""
     joint, robots = a_team()
     places = [robots[0].place + [x, y] for x in (45, 50, 60, 65, 55) for y in (-6.0, -2.0, 2.0, 6.0)]
     first, second, third = (robot.name for robot in robots)
