@@ -2,6 +2,8 @@
 
 An interacting multiple-model estimator (Blom and Bar-Shalom, IEEE TAC 33(8), 1988). Each member is a Kalman filter of place and
 velocity, whose velocity does a random walk of its own. What rolls freely is the calmest member's, what bounces the wildest one's.
+How often things of a kind go over from one member to another is learned by online EM, with counts that later sightings correct
+(Mongillo and Deneve, Neural Computation 20(7), 2008).
 """
 
 from __future__ import annotations
@@ -20,34 +22,42 @@ FAST = 4.0  # the same of a thing without a name: if nothing is near, the next s
 STAY = 5.0  # seconds, in the mean, until an object goes over to another member
 # Sightings: what is assumed of a kind counts for so many, and after so many a sighting for 1/e.
 FEW, MANY = (10.0, 1000.0)
+#: What is assumed of how things go over, in the form of `Rolling.transitions`: half an event for each rate (Jeffreys' prior).
+ASSUMED = 0.5 * (1.0 + (STAY * (len(WILDNESS) - 1) - 1.0) * np.eye(len(WILDNESS)))
 PLACE, VELOCITY = slice(0, 2), slice(2, 4)
 
 
 @dataclass(frozen=True, eq=False)
 class Habits:
-    """How things of a kind roll: `often`, shape (k,), how often as each member says, over how often by chance; and how fast.
+    """How things of a kind roll: `transitions` (k, k) is the sum of those of each thing.
 
     `squared` is the mean square of a velocity along one axis, over the configured drift squared (1 / s); `n` counts sightings.
     """
 
-    often: Array = field(default_factory=lambda: np.ones(len(WILDNESS)))
+    transitions: Array = field(default_factory=lambda: np.zeros_like(ASSUMED))
     squared: float = FAST**2
     n: float = FEW
 
     def plus(self, one: Rolling) -> Habits:
-        """After one more sighting of such a thing."""
+        """After one more sighting of such a thing. Its transitions count from when they were told last (`Rolling.told_all`)."""
         n = min(self.n + 1.0, MANY)
-        now, k = one.moments(), len(WILDNESS)
+        now = one.moments()
         speed = float(np.square(now.mean[VELOCITY]).sum() + np.trace(now.covariance[VELOCITY, VELOCITY])) / 2
         squared = self.squared + (speed / one.told**2 - self.squared) / n
-        return Habits(self.often + (k * one.weights - self.often) / n, squared, n)
+        return Habits(self.transitions * (1.0 - 1.0 / MANY) + one.transitions(), squared, n)
+
+    def rates(self) -> Array:
+        """How often such a thing goes over from the member of a row to that of a column (1 / s), shape (k, k); 0 on the diagonal."""
+        transitions = np.maximum(self.transitions, 0.0) + ASSUMED
+        seconds = transitions.diagonal()
+        return (transitions - np.diag(seconds)) / seconds[:, np.newaxis]
 
 
 @dataclass(frozen=True, eq=False)
 class Rolling:
     """Weights of the members, shape (k,), their means (k, 4) and covariances (k, 4, 4); `told` is the drift of the settings.
 
-    `fastest` is sigma of an unknown velocity (unit / s).
+    `fastest` is sigma of an unknown velocity (unit / s). `histories` (k, k, k) are for each member the transitions that led to it.
     """
 
     told: float
@@ -55,6 +65,7 @@ class Rolling:
     means: Array
     covariances: Array
     fastest: float
+    histories: Array = field(default_factory=lambda: np.zeros((len(WILDNESS),) * 3))
 
     @staticmethod
     def begun(seen: Moments, told: float, habits: Habits | None = None) -> Rolling:
@@ -72,14 +83,32 @@ class Rolling:
         among = np.einsum("k,ki,kj->ij", self.weights, apart, apart)
         return Moments(mean, np.einsum("k,kij->ij", self.weights, self.covariances) + among)
 
-    def passed(self, dt: float, often: Array | float = 1.0) -> Rolling:
-        """`dt` seconds later; `often` is that of its kind's `Habits`."""
-        k = len(self.weights)
-        stays = max(math.exp(-dt / STAY), 1 / k)
-        goes = (1 - stays) / (k - 1)
-        over = np.full((k, k), goes) * often + np.eye(k) * (stays - goes)
+    def transitions(self) -> Array:
+        """How often it went over from the member of a row to that of a column, and on the diagonal how long it stayed (s), (k, k).
+
+        Expected after all sightings so far, since they were told last (`told_all`).
+        """
+        transitions: Array = np.einsum("k,kij->ij", self.weights, self.histories)
+        return transitions
+
+    def told_all(self) -> Rolling:
+        """Its transitions were told: what is left is by how much they depend on the member that it is at."""
+        return replace(self, histories=self.histories - self.transitions())
+
+    def passed(self, dt: float, rates: Array | None = None) -> Rolling:
+        """`dt` seconds later; `rates` (1 / s), shape (k, k), are those of its kind's `Habits`."""
+        k, here = len(self.weights), np.eye(len(self.weights))
+        rates = (1.0 - here) / ((k - 1) * STAY) if rates is None else rates
+        leaves = rates.sum(axis=1)
+        stays = np.maximum(np.exp(-dt * leaves), 1 / k)
+        over = ((1 - stays) / leaves)[:, np.newaxis] * rates + np.diag(stays)
         weights = self.weights @ over
+        # of each member before (row) in each one after (column)
         shares = self.weights[:, np.newaxis] * over / weights
+        histories = np.einsum("ij,ikl->jkl", shares, self.histories)
+        before, after = np.indices((k, k))
+        histories[after, before, before] += dt * shares
+        histories[after, before, after] += (1 - here) * shares
         means = shares.T @ self.means
         apart = self.means[:, np.newaxis] - means
         covariances = np.einsum("ij,ikl->jkl", shares, self.covariances)
@@ -92,7 +121,7 @@ class Rolling:
         shrunk = np.repeat([np.ones_like(known), known], 2, axis=0).T  # of a velocity that is as good as forgotten
         means = means @ step.T * shrunk
         covariances = covariances * shrunk[:, :, np.newaxis] * shrunk[:, np.newaxis, :]
-        return replace(self, weights=weights, means=means, covariances=covariances)
+        return replace(self, weights=weights, means=means, covariances=covariances, histories=histories)
 
     def expected(self, seen: Moments) -> tuple[float, Array]:
         """The log density of a sighting, mean (2,) and covariance (2, 2), and how the members' weights are after it."""

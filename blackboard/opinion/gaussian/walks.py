@@ -196,7 +196,7 @@ class Walks(Copyable):
         if course is None or model == "walk" or not prior:
             return replace(motion, bank=bank)
         habits = self._habits_of(course.kind)
-        rolling = course.rolling.passed(dt, habits.often if habits else 1.0)
+        rolling = course.rolling.passed(dt, habits.rates() if habits else None)
         evidence = course.evidence * math.exp(-dt / MEMORY) if model == "learn" else math.inf
         return _Motion(bank, replace(course, rolling=rolling, evidence=evidence))
 
@@ -221,9 +221,10 @@ class Walks(Copyable):
 
     def _take(self, subject: str, motion: _Motion, seen: Moments) -> Moments | None:
         after, pushed = motion.after(seen)
-        self._motions[subject] = after
         if after.course is not None and (kind := after.course.kind):
             self._habits[kind] = (self._habits_of(kind) or Habits()).plus(after.course.rolling)
+            after = replace(after, course=replace(after.course, rolling=after.course.rolling.told_all()))
+        self._motions[subject] = after
         return pushed
 
     def _course(self, subject: str) -> _Course | None:

@@ -1,5 +1,6 @@
 """What rolls is followed by its velocity, what walks at random is not, whatever was told of it."""
 
+import itertools
 import math
 
 import numpy as np
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.rolling import STAY, WILDNESS, Rolling, moved
+from blackboard.opinion.gaussian.rolling import FAST, STAY, WILDNESS, Habits, Rolling, moved
 from blackboard.opinion.gaussian.walks import Model, Walks
 from tests.present import present
 
@@ -141,6 +142,67 @@ def test_the_bank_mixes_and_weighs_filters_as_the_textbook_does(
         assert rolling.weights == pytest.approx(weights, rel=1e-6)
         assert rolling.means == pytest.approx(np.array([m for m, _ in members]), rel=1e-6, abs=1e-6)
         assert rolling.covariances == pytest.approx(np.array([c for _, c in members]), rel=1e-5, abs=1e-6)
+
+
+#: How often a thing goes over from the member of a row to that of a column (1 / s).
+RATES = np.array([[0.0, 0.1, 0.7], [0.3, 0.0, 0.2], [2.0, 0.5, 0.0]])
+
+
+def probabilities(rates: np.ndarray, dt: float) -> np.ndarray:
+    """Of each member after some time, by the one before, where a member of a row is left once at most."""
+    stays = np.exp(-dt * rates.sum(axis=1))
+    goes: np.ndarray = ((1 - stays) / rates.sum(axis=1))[:, np.newaxis] * rates
+    return goes + np.diag(stays)
+
+
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.05, 0.3)), min_size=1, max_size=5))
+@settings(max_examples=40, deadline=None)
+def test_a_course_is_what_all_sightings_say_of_it(sightings: list[tuple[float, float, float]]) -> None:
+    """The oracle: every way through the members, by how likely it is after the last sighting."""
+    rolling, members = Rolling.begun(Moments(np.zeros(2), np.eye(2)), 0.5), range(len(WILDNESS))
+    before, likelihoods = rolling.weights, []
+    for x, y, dt in sightings:
+        rolling = rolling.passed(dt, RATES)
+        expected = rolling.weights
+        rolling = rolling.seen(Moments(np.array([x, y]), 0.1 * np.eye(2)))
+        likelihoods.append(rolling.weights / expected)
+    transitions, total = np.zeros_like(RATES), 0.0
+    for path in itertools.product(members, repeat=len(sightings) + 1):
+        chance, steps = float(before[path[0]]), np.zeros_like(RATES)
+        for (_, _, dt), likely, (i, j) in zip(sightings, likelihoods, itertools.pairwise(path), strict=True):
+            chance *= probabilities(RATES, dt)[i, j] * likely[j]
+            steps[i, i] += dt
+            steps[i, j] += i != j
+        transitions, total = transitions + chance * steps, total + chance
+    assert rolling.transitions() == pytest.approx(transitions / total, rel=1e-6, abs=1e-9)
+    assert rolling.told_all().transitions() == pytest.approx(np.zeros_like(RATES), abs=1e-12)
+
+
+def habits_of(rates: np.ndarray, seconds: float) -> Habits:
+    """What is learned of a thing that goes over at these rates, and is seen well."""
+    chance, habits, member, dt = np.random.default_rng(5), Habits(), 0, 0.2
+    there, told = np.zeros(4), 1.0
+    rolling = Rolling.begun(Moments(there[:2], 0.01 * np.eye(2)), told, habits)
+    for _ in range(round(seconds / dt)):
+        member = int(chance.choice(len(WILDNESS), p=probabilities(rates, dt)[member]))
+        velocity = there[2:] + WILDNESS[member] * told * math.sqrt(dt) * chance.normal(size=2)
+        velocity = np.clip(velocity, -FAST * told, FAST * told)
+        there = np.concatenate([there[:2] + dt * (there[2:] + velocity) / 2, velocity])
+        seen = Moments(there[:2] + 0.1 * chance.normal(size=2), 0.01 * np.eye(2))
+        rolling = rolling.passed(dt, habits.rates()).seen(seen)
+        habits = habits.plus(rolling)
+        rolling = rolling.told_all()
+    return habits
+
+
+def test_how_often_things_of_a_kind_go_over_is_learned() -> None:
+    often = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [2.0, 0.0, 0.0]])
+    seldom, assumed = often / 20, Habits().rates().sum(axis=1)
+    assert assumed == pytest.approx(1 / STAY)
+    turns, rolls = (habits_of(rates, 200.0).rates() for rates in (often, seldom))
+    assert turns[0].sum() > 1.5 * assumed[0]
+    assert turns[2].sum() > 3.0 * assumed[2]
+    assert rolls[0].sum() < 0.7 * assumed[0]
 
 
 def test_a_way_adds_no_negative_variance() -> None:
