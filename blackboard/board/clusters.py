@@ -25,7 +25,7 @@ from blackboard.opinion.belief import Belief
 from blackboard.opinion.believed import MAX_SOURCES
 from blackboard.opinion.classes import could_be, stem
 from blackboard.opinion.gaussian.assignment import CLEAR, MOST, posterior
-from blackboard.opinion.gaussian.naming import FAINT, IN_VIEW, Naming, Unnamed, clear
+from blackboard.opinion.gaussian.naming import FAINT, IN_VIEW, Naming, Odds, Unnamed, clear
 from blackboard.opinion.gaussian.tracks import LIKELY, MEMORY, NOWHERE, Tracks
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.provenance import Opinion
@@ -155,35 +155,40 @@ class Clusters:
         robot, strange = frame.sightings[0].observer, list[UnnamedOpinion]()
         odds, shown = self._odds(frame, places, {f"robot/{robot}"}), dict[str, float]()
         for sighting, its in zip(frame.sightings, odds, strict=True):
-            best: str = max(sorted(its), key=lambda one: its[one], default="")
-            told = {one: share for one, share in its.items() if one not in self.tracks or self.tracks.is_named(one)}
+            share = its.subjects
+            best: str = max(sorted(share), key=lambda one: share[one], default="")
+            told = {one: p for one, p in share.items() if one not in self.tracks or self.tracks.is_named(one)}
             self.unnamed.append(Unnamed(robot, frame.time, sighting.mark, told, clear(told)))
-            for block in its.keys() & set(self.tracks):
-                shown[block] = min(1.0, shown.get(block, 0.0) + its[block])
-            if best in self.tracks and its[best] >= LIKELY:
+            for block in share.keys() & set(self.tracks):
+                shown[block] = min(1.0, shown.get(block, 0.0) + share[block])
+            if best in self.tracks and share[best] >= LIKELY:
                 self._join(best, frame, sighting)
-            elif best and its[best] >= CLEAR:
+            elif best and share[best] >= CLEAR:
                 entries.setdefault(best, {})[robot] = _entry(frame, sighting)
-            elif sum(its.values()) < LIKELY:
+            elif its.is_new:
                 strange.append(sighting)
         self._look(frame)
         self.tracks.judge(robot, dict.fromkeys(shown, NOWHERE), shown)
+        new = list[UnnamedOpinion]()
         for sighting in strange:
+            densities = [self._overlap(sighting, one.belief) for one in new if one.subject == sighting.subject]
+            if self.naming.is_second(sighting, densities):
+                continue
             begun = self.tracks.begin(robot, sighting.subject)
             if begun is None:
                 self.tally["unnamed_left_out"] += 1
             else:
+                new.append(sighting)
                 self._join(begun, frame, sighting)
                 places[begun] = sighting.belief
 
-    def _odds(self, frame: Frame, places: Mapping[str, Belief], without: Collection[str]) -> list[dict[str, float]]:
+    def _odds(self, frame: Frame, places: Mapping[str, Belief], without: Collection[str]) -> list[Odds]:
         """Of each sighting the subjects that it may be of: those with which it overlaps more than with something anywhere."""
         densities = {}
         for row, sighting in enumerate(frame.sightings):
-            area = min(self.naming.area, self.tracks.area(sighting.observer, sighting.subject))
             for subject, belief in places.items():
                 if could_be(sighting.subject, subject) and subject not in without:
-                    density = area / self.grid.volume * float((sighting.belief.p * belief.p).sum())
+                    density = self._overlap(sighting, belief)
                     densities[row, subject] = density if density > 1.0 else 0.0
         shown = {}
         for _, subject in densities:
@@ -191,6 +196,11 @@ class Clusters:
             chance = IN_VIEW * (1.0 if exists is None else exists)
             shown[subject] = chance / (1.0 - chance)
         return self.naming.weigh(frame.sightings, densities, shown)
+
+    def _overlap(self, sighting: UnnamedOpinion, belief: Belief) -> float:
+        """How much likelier a sighting is of what a belief is about than of something anywhere."""
+        area = min(self.naming.area, self.tracks.area(sighting.observer, sighting.subject))
+        return area / self.grid.volume * float((sighting.belief.p * belief.p).sum())
 
     def _look(self, frame: Frame) -> None:
         """Learn how far a robot sees things, all around it: the board knows where it is, and not where it looks."""

@@ -69,8 +69,8 @@ class Landmarks:
             for name in sorted({name for _, _, near in tried for name in near}):
                 with_map.add(name, Moments(np.array(self.places[name]), np.zeros((2, 2))))
             odds = self._naming.judge(with_map, seen, candidates, {robot: motion}, lambda subject: True)
-            strange += sum(shares is not None and not shares for shares in odds)
-            groups = [self._group(shares) for shares in odds]
+            strange += sum(not its.subjects for its in odds)
+            groups = [self._group(its.subjects) for its in odds]
             for number, name in _distinct(groups):
                 if name in by_name:
                     continue  # a newer frame has it
@@ -81,7 +81,7 @@ class Landmarks:
         others = [sighting for sighting in readings.sightings if sighting.subject != LANDMARK]
         return Named(readings.model_copy(update={"sightings": [*others, *by_name.values()]}), blurs, strange)
 
-    def _group(self, odds: Mapping[str, float] | None) -> Mapping[str, float]:
+    def _group(self, odds: Mapping[str, float]) -> Mapping[str, float]:
         """The odds of the likeliest landmark and of those that stand by it; none where it may well be elsewhere."""
         if not odds:
             return {}

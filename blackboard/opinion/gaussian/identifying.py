@@ -9,7 +9,7 @@ from blackboard.opinion.classes import ROBOTS, could_be, is_class
 from blackboard.opinion.gaussian.assignment import CLEAR
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.linearising import linearise
-from blackboard.opinion.gaussian.naming import Unnamed, clear
+from blackboard.opinion.gaussian.naming import Odds, Unnamed, clear
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import of_object
 from blackboard.opinion.gaussian.state import TeamState
@@ -54,7 +54,8 @@ def identified(
         odds = _odds(team, observer, frame, candidates, motions)
         watch(team, observer, evidence.time, frame, odds, whole=age not in cut)
         of_tracks: list[tuple[float, Doubt]] = []  # of some track with this probability
-        for sighting, its, share in zip(frame, candidates, odds, strict=True):
+        for sighting, its, all_odds in zip(frame, candidates, odds, strict=True):
+            share = None if all_odds is None else all_odds.subjects
             taken = clear(share)
             team.tally.unnamed.append(
                 _of_named_tracks(team, Unnamed(observer, evidence.time, sighting.mark or 0, share, taken))
@@ -157,7 +158,7 @@ def _odds(
     frame: Sequence[Relative],
     candidates: Sequence[Mapping[str, Relative]],
     motions: Mapping[str, Motion],
-) -> list[dict[str, float] | None]:
+) -> list[Odds | None]:
     """The odds of each sighting of a frame; None where they are not worked out."""
     if not team.knows(observer):
         return [None] * len(frame)

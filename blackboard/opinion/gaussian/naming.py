@@ -1,7 +1,11 @@
-"""Which known subject an unnamed sighting is of, by where the joint expects each."""
+"""Which known subject an unnamed sighting is of, by where the joint expects each.
+
+A detector may show one thing twice in a frame. How often it does is found out for each observer and class (multiple-detection
+JPDA: Habtemariam, Tharmarasa, Thayaparan, Mallick, Kirubarajan, IEEE J. Sel. Topics Signal Process. 7(3), 2013, for two at most).
+"""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -12,12 +16,29 @@ from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, keep, post
 from blackboard.opinion.gaussian.joint import Innovation, Joint
 from blackboard.opinion.gaussian.linearising import linearise_all
 from blackboard.opinion.gaussian.relation import Relative
-from blackboard.opinion.gaussian.tracks import Tracks
+from blackboard.opinion.gaussian.tracks import LIKELY, Tracks
 from blackboard.opinion.gaussian.vehicle import Motion
 from blackboard.opinion.gaussian.views import Place
+from blackboard.opinion.grid import Array
 
 IN_VIEW = 0.5  # that a frame shows a known subject: where it looked is not known
 FAINT = 0.001  # odds below this are not told
+TWICE = Rate(
+    0.1, 10.0
+)  # of the things in a frame, those that it shows twice: what is expected before anything was seen
+
+
+@dataclass(frozen=True)
+class Odds:
+    """What a sighting may be of: `subjects`, with their probabilities, or `again` of one that another sighting of its frame is of."""
+
+    subjects: Mapping[str, float]
+    again: float = 0.0
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it most likely is of nobody known."""
+        return sum(self.subjects.values()) + self.again < LIKELY
 
 
 @dataclass(frozen=True)
@@ -59,10 +80,13 @@ class Naming:
 
     area: float = 1000.0
     _strangers: dict[tuple[str, str], Rate] = field(default_factory=dict)  # by observer and class
+    _twice: dict[tuple[str, str], Rate] = field(
+        default_factory=dict
+    )  # the same: of the things in its frames, those shown twice
 
     def copy(self) -> "Naming":
         """The same, which may be changed without changing this one."""
-        return Naming(self.area, dict(self._strangers))
+        return Naming(self.area, dict(self._strangers), dict(self._twice))
 
     def judge(
         self,
@@ -73,7 +97,7 @@ class Naming:
         knows: Callable[[str], bool],
         tracks: Tracks | None = None,
         places: Mapping[str, Place] | None = None,
-    ) -> list[dict[str, float]]:
+    ) -> list[Odds]:
         """The odds of each sighting of a frame, which are different things.
 
         `candidates` are of each sighting the subjects that it may be of, with the sighting as one of that subject. Of a subject that
@@ -94,32 +118,60 @@ class Naming:
 
     def weigh(
         self, frame: Sequence[ClassSighting], densities: Mapping[tuple[int, str], float], shown: Mapping[str, float]
-    ) -> list[dict[str, float]]:
-        """The odds of each sighting of a frame, which are different things.
+    ) -> list[Odds]:
+        """The odds of each sighting of a frame, which are different things, or one thing twice.
 
         `densities` are by the sighting's number in the frame and by subject: how much likelier it is of that subject than of
         something anywhere. `shown` are the odds that the frame shows a subject.
         """
+        if not frame:
+            return []
         subjects = sorted({subject for _, subject in densities})
-        weights = np.zeros((len(frame), len(subjects)))
+        likelier, sure = np.zeros((len(frame), len(subjects))), np.array([[seen.confidence] for seen in frame])
         for (row, subject), density in densities.items():
-            seen = frame[row]
-            strange = seen.confidence * self._rate(seen) + 1.0 - seen.confidence
-            weight = seen.confidence * density / strange * shown[subject]
-            weights[row, subjects.index(subject)] = min(MOST, weight)
-        odds: list[dict[str, float]] = []
-        strangers: dict[tuple[str, str], float] = {}
-        for seen, shares in zip(frame, posterior(weights).tolist(), strict=True):
-            odds.append({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT})
-            rest = max(0.0, 1.0 - sum(shares))
-            key = seen.observer, seen.subject
-            strangers[key] = strangers.get(key, 0.0) + seen.confidence * rest
-        for key, seen_so in strangers.items():
-            keep(self._strangers, key, self._strangers.get(key, Rate()).plus(seen_so))
-        return odds
+            likelier[row, subjects.index(subject)] = density
+        strange = np.array([[self._rate(self._strangers, seen, Rate())] for seen in frame])
+        twice = np.array([[self._rate(self._twice, seen, TWICE)] for seen in frame])
+        odd = np.array([shown[subject] for subject in subjects])
 
-    def _rate(self, seen: ClassSighting) -> float:
-        return self._strangers.get((seen.observer, seen.subject), Rate()).rate
+        def shares(expected: Array) -> Array:
+            return posterior(np.minimum(MOST, sure * likelier / (sure * expected + 1.0 - sure) * odd))
+
+        its = shares(strange)
+        again = twice * likelier * (its.sum(axis=0) - its)  # of a subject that another sighting is of
+        expected = strange + again.sum(axis=1, keepdims=True)
+        if (again > FAINT * strange).any():
+            its = shares(expected)
+        rest = sure * np.maximum(0.0, 1.0 - its.sum(axis=1, keepdims=True))
+        second = (rest * again.sum(axis=1, keepdims=True) / expected)[:, 0].tolist()
+        self._learn(frame, rest[:, 0].tolist(), second, its.sum(axis=1).tolist())
+        return [
+            Odds({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT}, twin)
+            for shares, twin in zip(its.tolist(), second, strict=True)
+        ]
+
+    def _learn(
+        self, frame: Sequence[ClassSighting], rest: Sequence[float], second: Sequence[float], first: Sequence[float]
+    ) -> None:
+        """Take a frame: of each sighting how likely it is of no subject, of one that is shown twice, and of a subject."""
+        for key in dict.fromkeys((seen.observer, seen.subject) for seen in frame):
+            rows = [row for row, seen in enumerate(frame) if (seen.observer, seen.subject) == key]
+            strangers, twins = (math.fsum(shares[row] for row in rows) for shares in (rest, second))
+            keep(self._strangers, key, self._strangers.get(key, Rate()).plus(strangers - twins))
+            things = math.fsum(first[row] for row in rows)
+            keep(self._twice, key, self._twice.get(key, TWICE).plus(min(things, twins), things))
+
+    def is_second(self, seen: ClassSighting, densities: Iterable[float]) -> bool:
+        """Whether a sighting of nobody known most likely shows once more what another one of its frame shows.
+
+        `densities` are by the others: how much likelier it is of the same thing than of something anywhere.
+        """
+        second = self._rate(self._twice, seen, TWICE) * math.fsum(densities)
+        return second >= LIKELY * (self._rate(self._strangers, seen, Rate()) + second)
+
+    @staticmethod
+    def _rate(rates: Mapping[tuple[str, str], Rate], seen: ClassSighting, prior: Rate) -> float:
+        return rates.get((seen.observer, seen.subject), prior).rate
 
     def _density(self, innovation: Innovation, area: float) -> float:
         """How much likelier a sighting is of its subject than at any place that is seen; 0 beyond the gate."""

@@ -1,7 +1,7 @@
 """Tracks of unnamed things in the joint: which a sighting may be of, what a frame says of all of them, how they begin and end."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from blackboard.opinion.classes import kind_of, stem
 from blackboard.opinion.gaussian.absent import Absent, bounded, found_again
 from blackboard.opinion.gaussian.assignment import CLEAR, posterior
 from blackboard.opinion.gaussian.joint import squared_distance
+from blackboard.opinion.gaussian.naming import Odds
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rolling import Rolling
 from blackboard.opinion.gaussian.state import TeamState
@@ -50,7 +51,7 @@ def watch(
     observer: str,
     time: float,
     frame: Sequence[Relative],
-    odds: Sequence[Mapping[str, float] | None],
+    odds: Sequence[Odds | None],
     *,
     whole: bool = True,
 ) -> None:
@@ -65,7 +66,7 @@ def watch(
             team.tracks.look(observer, sighting.subject, sighting.range, sighting.bearing)
     shown: dict[str, float] = {}
     for its in odds:
-        for block, share in (its or {}).items():
+        for block, share in its.subjects.items() if its else ():
             if block in team.tracks:
                 shown[block] = min(1.0, shown.get(block, 0.0) + share)
                 if shown[block] >= LIKELY:
@@ -91,23 +92,38 @@ def places(team: TeamState, observer: str) -> dict[str, Place]:
 
 
 def begin(
-    team: TeamState, frame: Sequence[Relative], odds: Sequence[Mapping[str, float] | None], newer: Collection[str]
+    team: TeamState, frame: Sequence[Relative], odds: Sequence[Odds | None], newer: Collection[str]
 ) -> dict[str, Relative]:
     """Begin a track for each sighting of a frame that most likely shows nobody known: block -> that sighting, named after the track.
 
-    No track begins for a class in `newer`: a newer frame of the tick shows something of it.
+    No track begins for a class in `newer`: a newer frame of the tick shows something of it. Nor for what the frame shows twice.
     """
     begun: dict[str, Relative] = {}
     for sighting, its in zip(frame, odds, strict=True):
-        strange = its is not None and sum(its.values()) < LIKELY and kind_of(sighting.subject) != "landmark"
+        strange = its is not None and its.is_new and kind_of(sighting.subject) != "landmark"
         new = strange and sighting.subject not in newer
         if new and sighting.places and sighting.observer not in team.left_out:
+            area = min(team.naming.area, team.tracks.area(sighting.observer, sighting.subject))
+            others = [one for block, one in begun.items() if team.tracks.kind(block) == sighting.subject]
+            if team.naming.is_second(sighting, [area * _overlap(sighting, one) for one in others]):
+                continue
             block = team.tracks.begin(sighting.observer, sighting.subject)
             if block is None:
                 team.tally.tracks["unnamed_left_out"] += 1
             else:
                 begun[block] = team.limits.sighting(replace(sighting, subject=block), sighting.range)
     return begun
+
+
+def _overlap(one: Relative, other: Relative) -> float:
+    """The density (1 / unit^2) at which an observer sees both as it does, if they are of one thing."""
+    one, other = one.without_profile(), other.without_profile()
+    away, aside = one.range - other.range, wrap(one.bearing - other.bearing)
+    along, across = one.range_variance + other.range_variance, one.bearing_variance + other.bearing_variance
+    if along <= 0.0 or across <= 0.0:
+        return 0.0
+    squared = away**2 / along + aside**2 / across
+    return math.exp(-squared / 2) / (2 * math.pi * math.sqrt(along * across) * max(TINY, one.range))
 
 
 def _is_anywhere(team: TeamState, block: str) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blackboard.opinion.gaussian.assignment import Rate
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.relation import Relative, measured
@@ -195,3 +196,15 @@ def test_the_order_of_arrival_changes_nothing() -> None:
         assert in_order.tally.unnamed == shuffled.tally.unnamed
     assert (in_order.joint.mean == shuffled.joint.mean).all()
     assert (in_order.joint.covariance == shuffled.joint.covariance).all()
+
+
+def test_a_stranger_after_hours_without_one_is_a_stranger() -> None:
+    sure = Rate()
+    for _ in range(80_000):
+        sure = sure.plus(0.0)
+    naming = Naming(400.0, {("robot/r1", "robot/?"): sure})
+    seen = Relative("robot/r1", "robot/?", 4.0, 0.0, 0.04, 0.01, mark=0)
+    (odds,) = naming.weigh([seen], {(0, "robot/r2"): 0.0}, {"robot/r2": 1.0})
+    assert odds.is_new
+    (odds,) = naming.weigh([seen], {(0, "robot/r2"): 1e3}, {"robot/r2": 1.0})
+    assert odds.subjects["robot/r2"] > 0.999

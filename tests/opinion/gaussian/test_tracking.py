@@ -302,3 +302,32 @@ def test_where_two_that_meet_are_is_told_less_exactly_than_of_two_that_are_apart
         sigmas.append([math.sqrt(joint.marginal(track).covariance.trace() / 2) for track in tracks(joint)])
     apart, met = sigmas
     assert min(met) > 1.2 * max(apart)
+
+
+@pytest.mark.parametrize("seed", range(2, 6))
+def test_a_detector_that_shows_somebody_twice_makes_nobody_of_that(seed: int) -> None:
+    joint, robots = a_team(seed=seed)
+    chance, told = np.random.default_rng(seed), []
+    for tick in range(60):
+        places = [robots[0].place + [5.0, -2.0], robots[0].place + [7.0, 3.0]]
+        shown = {
+            robot.name: [p for p in places for _ in range(1 + (chance.random() < 0.3)) if chance.random() < 0.9]
+            for robot in robots
+        }
+        joint.settle(tick, 0.2, with_people(robots, tick, shown))
+        told.append(len(tracks(joint)))
+    assert told[-30:] == [2] * 30
+
+
+def test_who_steps_out_from_behind_somebody_is_another_one_for_a_detector_that_shows_some_twice_too() -> None:
+    joint, robots = a_team()
+    chance = np.random.default_rng(1)
+    for tick in range(60):
+        place, aside = robots[0].place + [5.0, -2.0], np.array([0.0, 0.15 * max(0, tick - 40)])
+        shown = {robot.name: [place] * (1 + (chance.random() < 0.3)) for robot in robots}
+        if aside.any():
+            shown = {name: [*its, place + aside] for name, its in shown.items()}
+        joint.settle(tick, 0.2, with_people(robots, tick, shown))
+        if tick == 40:
+            assert len(tracks(joint)) == 1
+    assert len(tracks(joint)) == 2
