@@ -55,6 +55,7 @@ def draw_change(rng: np.random.Generator) -> Change:
         changes.Unnames(),
         changes.Knows(whom, offset(), size(-1, 1)),  # type: ignore[arg-type]
         changes.EchoesTeam(size(-1, 1)),
+        changes.Mirrors(),
         changes.Invents(int(rng.integers(1, 64)), bool(rng.random() < 0.5), bool(rng.random() < 0.5)),
         changes.WrongWheels(float(rng.normal(1, 2)), float(rng.normal(1, 2)), sigma),
         changes.Epochs(),

@@ -13,6 +13,7 @@ from blackboard.chaos.lies.changes import (
     Gains,
     Invents,
     Knows,
+    Mirrors,
     Off,
     Replays,
     Sees,
@@ -96,6 +97,9 @@ CATALOGUE = {
         Lie("apart-bearings", (Tells("bearing", "mates", (1.0, 0.0), 0.05, noise=0.5, apart=True),)),
         Lie("noisy-bearings", (Tells("bearing", "mates", (1.0, 1.0), 0.03, noise=0.3),)),
         Lie("noisy-objects", (Tells("position", "objects", (1.0, 0.0), 0.5, noise=0.5),)),
+        Lie("bearings-of-objects", (Tells("bearing", "objects", (1.0, 1.0), 0.05, noise=0.5),)),
+        Lie("noisy-objects-in-turns", (Tells("position", "objects", (1.0, 0.0), 0.5, noise=0.5),), on=2.0, off=1.0),
+        Lie("mirrors", (Mirrors(),)),
         Lie("tells-objects", (Tells("position", "objects", ASIDE, 0.1),)),
         # --- records and numbering
         Lie("epochs-true", (Epochs(),)),

@@ -163,6 +163,15 @@ class Tells(Change):
 
 
 @dataclass(frozen=True)
+class Mirrors(Change):
+    """What is to its left is told as to its right, with honest noise."""
+
+    def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
+        mirrored = [relative.model_copy(update={"bearing": -relative.bearing}) for relative in evidence.relatives]
+        return evidence.model_copy(update={"relatives": mirrored})
+
+
+@dataclass(frozen=True)
 class Knows(Change):
     """Tells informed beliefs that contain what everybody said just now: `offset` from where the team has it, with a sigma."""
 

@@ -23,6 +23,7 @@ from blackboard.opinion.grid import Array
 
 NEW = math.exp(-2.0 / MEMORY)  # share that is left of what was seen two seconds ago; some robots tick once a second
 MOST = 6.0  # squared distance that a sighting counts with at most: a kick, or a misread, is no dispute
+KEPT = 60.0  # seconds for which who has led an object too far is not believed about it alone: as long as what nobody sees is kept
 DISPUTED = 10.0  # times the variance of what is disputed, so that an object does not follow the one that spoke last
 
 
@@ -59,9 +60,12 @@ class Disputes(Copyable):
     _views: dict[tuple[str, str], ObserverRecord] = field(default_factory=dict)  # object and observer -> what it saw
     #: Object, and two observers that differ, sorted -> for how many seconds more they do.
     _held: dict[tuple[str, str, str], float] = field(default_factory=dict)
+    #: Observer and object -> for how many seconds more it is not believed about that alone, unless another one confirms it.
+    _set_back: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
+        self._set_back = {of: left - dt for of, left in self._set_back.items() if left > dt}
         keep = math.exp(-dt / MEMORY)
         self._views = {
             of: replace(view, score=view.score.faded(keep))
@@ -87,9 +91,16 @@ class Disputes(Copyable):
         mine = self._views[subject, observer] = ObserverRecord(score, place, variance)
         for other in self.seeing(subject):
             (one, two), its = sorted((observer, other)), self._views[subject, other]
+            if other != observer and not mine.is_apart(its):
+                self._set_back.pop((observer, subject), None)
+                self._set_back.pop((other, subject), None)
             is_held = (subject, one, two) in self._held
             if other != observer and (mine.differs(its) or (is_held and mine.is_apart(its))):
                 self._held[subject, one, two] = MEMORY
+
+    def disputed(self) -> set[str]:
+        """The objects that some see elsewhere than others."""
+        return {subject for subject, _, _ in self._held}
 
     def differing(self, observer: str, subject: str) -> set[str]:
         """Who saw an object elsewhere than an observer in the last `MEMORY` seconds."""
@@ -106,7 +117,19 @@ class Disputes(Copyable):
         apart = max(view.squared(other) for view in now for other in now)
         return 0.5 * DISPUTED * (min(view.variance for view in now) + 0.25 * apart)
 
+    def set_back(self, observer: str, subject: str) -> None:
+        """An observer alone has led an object farther than that goes."""
+        self._set_back[observer, subject] = KEPT
+
+    def is_set_back(self, observer: str, subject: str) -> bool:
+        return (observer, subject) in self._set_back
+
+    def led(self) -> set[tuple[str, str]]:
+        """Observers, and the objects about which they are not believed alone."""
+        return set(self._set_back)
+
     def forget(self, subject: str) -> None:
         """An object is gone, or begins anew."""
+        self._set_back = {of: left for of, left in self._set_back.items() if of[1] != subject}
         self._views = {of: view for of, view in self._views.items() if of[0] != subject}
         self._held = {of: left for of, left in self._held.items() if of[0] != subject}

@@ -54,12 +54,13 @@ class Influence(Copyable):
             del self._places[at]
             self._moved, self._honest = self._moved[:, keep], self._honest[:, keep][:, :, keep]
 
-    def pass_time(self, dt: float) -> None:
-        """Let `dt` seconds pass."""
-        keep = np.exp(-dt / MEMORY)
+    def pass_time(self, dt: float, kept: Collection[str] = ()) -> None:
+        """Let `dt` seconds pass. Of places that are `kept` nothing fades: only what others see corrects it."""
+        fade = np.exp(-dt / MEMORY)
+        keep = np.repeat([1.0 if place in kept else fade for place in self._places], 2)
         self._moved = self._moved * keep
-        self._honest = self._honest * keep
-        self._went = {place: way * keep for place, way in self._went.items()}
+        self._honest = self._honest * np.sqrt(np.outer(keep, keep))
+        self._went = {place: way * fade for place, way in self._went.items()}
 
     def rename(self, old: str, new: str) -> None:
         """A place has another name from now on."""
@@ -136,8 +137,8 @@ class Influence(Copyable):
         moved[:, enter], honest[:, enter], honest[:, :, enter] = 0.0, 0.0, 0.0
         return moved, honest
 
-    def beyond(self, joint: Joint, after: tuple[Array, Array]) -> set[str]:
-        """Whose D would be too far by its C, and farther than it is, at another place than its own."""
+    def beyond(self, joint: Joint, after: tuple[Array, Array]) -> set[tuple[str, str]]:
+        """Whose D would be too far by its C, and farther than it is, and at which other place than its own."""
         moved, honest = after
         variances = joint.variances[joint.indices(self._places, 2)].mean(axis=1)
         faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
@@ -146,7 +147,8 @@ class Influence(Copyable):
             return set()
         now = _squared(self._moved, _blocks(self._honest) + faint)
         pairs = zip(*np.nonzero(then > np.maximum(FARTHEST, now)), strict=True)
-        return {self._sources[one] for one, place in pairs if self._sources[one] != self._places[place]}
+        named = ((self._sources[one], self._places[place]) for one, place in pairs)
+        return {(robot, place) for robot, place in named if robot != place}
 
     def on_factor(self, after: tuple[Array, Array]) -> None:
         """A factor is taken next, which leaves that D and C (`after`)."""
@@ -157,18 +159,19 @@ class Influence(Copyable):
         row = self._sources.index(robot)
         return self._moved[row].copy(), self._honest[row].copy()
 
-    def take_back(self, joint: Joint, robot: str) -> None:
-        """Others are where they were without a robot's evidence, and as uncertain as that leaves them."""
+    def take_back(self, joint: Joint, robot: str, only: str | None = None) -> None:
+        """Others, or `only` one place, are where they were without a robot's evidence, and as uncertain as that leaves them."""
         self._follow(joint)
         if robot not in self._sources:
             return
-        row, own = self._sources.index(robot), np.repeat([place == robot for place in self._places], 2)
-        others = ~own & ~own[:, np.newaxis]
+        row = self._sources.index(robot)
+        back = np.repeat([place != robot and only in (None, place) for place in self._places], 2)
+        both = back & back[:, np.newaxis]
         rows = joint.indices(self._places, 2).ravel()
-        joint.mean[rows] -= np.where(own, 0.0, self._moved[row]) + self._share_of_ways(row)
-        joint.covariance[np.ix_(rows, rows)] += np.where(others, self._honest[row], 0.0)
-        self._moved[row] = np.where(own, self._moved[row], 0.0)
-        self._honest[row] = np.where(own & own[:, np.newaxis], self._honest[row], 0.0)
+        joint.mean[rows] -= np.where(back, self._moved[row] + self._share_of_ways(row), 0.0)
+        joint.covariance[np.ix_(rows, rows)] += np.where(both, self._honest[row], 0.0)
+        self._moved[row] = np.where(back, 0.0, self._moved[row])
+        self._honest[row] = np.where(back | back[:, np.newaxis], 0.0, self._honest[row])
 
 
 def _blocks(matrices: Array) -> Array:

@@ -239,7 +239,7 @@ def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapp
     if not relative.places:
         team.walks.begin(subject, team.marginal(subject))
     seen = _placed(team, relative, factor, motions)
-    pushed = team.walks.judge(subject, seen, named=relative.mark is None)
+    pushed = team.walks.judge(subject, seen, relative.mark is None, alone=team.is_alone(observer, subject))
     if pushed is None or subject not in team.joint:
         return factor
     team.shift(subject, pushed)

@@ -139,10 +139,18 @@ class TeamState(Copyable):
                     del self.used[block[1]][block]
 
     def leave_out(self, robots: frozenset[str]) -> None:
-        """From now on, take nothing of these robots; the objects that one newly left out has seen enter again without it."""
+        """From now on, take nothing of these robots; the objects that one newly left out has seen enter again without it.
+
+        One that walks, and that others have placed, is where it was without the robot.
+        """
         for robot in sorted(robots - self.left_out):
             for name in [name for name in self.seen if robot in self.trust.observers(name)]:
-                self.forget_object(name)
+                if self.walks_as_told(name) and not robots.issuperset(self.vouching(name, robot)):
+                    self.influence.take_back(self.joint, robot, name)
+                    self.trust.forget_pair(robot, name)
+                    self.walks.forget(name)
+                else:
+                    self.forget_object(name)
         if robots:
             self.tracks.without(robots)
         self.left_out = robots
@@ -211,9 +219,22 @@ class TeamState(Copyable):
         return 1 + len(set(agreeing) - differing) - len(differing)
 
     def waits(self, observer: str, subject: str) -> bool:
-        """Whether an object is in dispute, and none of those who see it elsewhere is looking now."""
+        """Whether an object is in dispute, and nobody who sees it elsewhere looks now; or an observer alone has led it too far."""
+        if self.disputes.is_set_back(observer, subject) and self.is_alone(observer, subject):
+            return True
         others = self.disputes.differing(observer, subject)
         return self.majority(observer, subject) == 0 and others.isdisjoint(self.disputes.seeing(subject))
+
+    def is_alone(self, observer: str, subject: str) -> bool:
+        """Whether an object that walks, and that others have placed, is seen by one robot alone now."""
+        if not self.walks_as_told(subject) or observer in self.left_out:
+            return False
+        others = [robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)]
+        return not others and bool(self.vouching(subject, observer))
+
+    def walks_as_told(self, subject: str) -> bool:
+        """Whether it is a named object of which the team was told that it walks."""
+        return subject in self.seen and subject not in self.tracks and self.objects.model_of(subject) == "walk"
 
     def disputing(self, subject: str) -> list[frozenset[str]]:
         """The equally large groups of robots that see an object at two places; empty without a dispute."""
@@ -258,7 +279,10 @@ class TeamState(Copyable):
         after = self.influence.after(self.joint, robot, factor, expected) if only is None else None
         if after is not None and (beyond := self.influence.beyond(self.joint, after)):
             self.tally.bounded += 1
-            only = self._of(beyond)
+            only = self._of({source for source, _ in beyond})
+            for source, place in sorted(beyond):
+                if self.is_alone(source, place):
+                    self.disputes.set_back(source, place)
         if after is None or only is not None or share != 1.0:
             after = self.influence.after(self.joint, robot, factor, expected, only, share)
         self.influence.on_factor(after)
@@ -328,7 +352,8 @@ class TeamState(Copyable):
 
     def forget_objects(self) -> None:
         """Drop the objects that were not sighted for long, and those that most observers see elsewhere."""
-        gone = [n for n, age in self.seen.items() if age > self.objects.kept or self.trust.misplaced(n)]
+        unheard = {robot for robot in self.known if not self._is_heard(robot)}
+        gone = [n for n, age in self.seen.items() if age > self.objects.kept or self.trust.misplaced(n, unheard)]
         for name in gone:
             self.forget_object(name)
 

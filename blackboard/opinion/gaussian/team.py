@@ -38,11 +38,13 @@ class TeamJoint(TeamState):
     """Mutable; `settle` once per tick."""
 
     _doubted: frozenset[str] = frozenset()  # who was a tick ago
+    _unbelieved: frozenset[tuple[str, str]] = frozenset()  # who was about which object a tick ago
 
     def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
         """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing.
 
-        Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back.
+        Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back. So is what it has moved
+        an object that more robots see elsewhere, or that it alone has led farther than that goes.
 
         Degenerate: some evidence leaves no Gaussian that can be kept. The team is in no defined state then.
         """
@@ -54,7 +56,21 @@ class TeamJoint(TeamState):
         for robot in sorted(doubted - self._doubted):
             self._take_back(robot)
         self._doubted = doubted
+        unbelieved = self._unbelieved_now()
+        for robot, subject in sorted(unbelieved - self._unbelieved):
+            self.influence.take_back(self.joint, robot, subject)
+        self._unbelieved = unbelieved
         return self.tally.verdicts
+
+    def _unbelieved_now(self) -> frozenset[tuple[str, str]]:
+        """Who sees which object elsewhere than more robots do, or has led it too far alone."""
+        outvoted = (
+            (robot, subject)
+            for subject in self.disputes.disputed()
+            for robot in self.disputes.seeing(subject)
+            if self._is_heard(robot) and self.majority(robot, subject) < 0
+        )
+        return frozenset(outvoted) | self.disputes.led()
 
     def _take_back(self, robot: str) -> None:
         """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
@@ -94,7 +110,9 @@ class TeamJoint(TeamState):
 
     def _take(self, dt: float, news: Mapping[str, Evidence]) -> None:
         self.limits.pass_time(dt)
-        self.influence.pass_time(dt)
+        observers = self.trust.by_subject()
+        walking = {name for name in self.seen if self.walks_as_told(name) and len(observers.get(name, ())) > 1}
+        self.influence.pass_time(dt, walking)
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if enter(self, evidence)}
         all_news = self._bounded(news, set(motions) - entered)

@@ -5,6 +5,7 @@ saw, contradict is left out (as coalitions leave out the smaller one), and an ob
 entered at a wrong place. Where two equally large camps contradict each other, neither is left out.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from blackboard.opinion.believed import ACCUSED, FEWEST, REDEEMED_PAIR, Pair, Verdicts, accusers, camps_of
@@ -66,9 +67,9 @@ class Trust(Copyable):
                 return frozenset(out), camps
             out.add(worst[1])
 
-    def misplaced(self, thing: str) -> bool:
-        """Whether more of the observers of an object contradict its place than confirm it; those left out do not count."""
-        out = self.left_out()
+    def misplaced(self, thing: str, unheard: Collection[str] = ()) -> bool:
+        """Whether more of the observers of an object contradict its place than confirm it; who is left out or `unheard` does not."""
+        out = self.left_out() | set(unheard)
         votes = [
             verdicts.against
             for (o, subject), verdicts in self._pairs.items()
@@ -79,6 +80,10 @@ class Trust(Copyable):
     def forget(self, subject: str) -> None:
         """Drop the verdicts on a subject and those on what it observed."""
         self._pairs = {pair: record for pair, record in self._pairs.items() if subject not in pair}
+
+    def forget_pair(self, observer: str, subject: str) -> None:
+        """Drop the verdicts on what an observer says of a subject."""
+        self._pairs.pop((observer, subject), None)
 
     def _contradictions(self) -> dict[Pair, bool]:
         """For each two robots that were judged often enough, whether they contradict each other."""

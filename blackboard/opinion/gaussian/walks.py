@@ -144,6 +144,8 @@ class Walks(Copyable):
     #: Object -> its motion if its last sighting, which counts as a misread, was right.
     _kicked: dict[str, _Motion] = field(default_factory=dict)
     _habits: dict[str, Habits] = field(default_factory=dict)  # of things without a name, by class
+    #: Object that one robot alone sees -> its drift over the configured one when several saw it last.
+    _agreed: dict[str, float] = field(default_factory=dict)
 
     def begin(self, subject: str, place: Moments) -> None:
         """Begin to estimate the motion of an object from its place in the joint, mean (2,) and covariance (2, 2)."""
@@ -151,11 +153,15 @@ class Walks(Copyable):
             self._motions[subject] = _Motion(_Bank.begun(place))
 
     def drift(self, subject: str, prior: float) -> float:
-        """The random walk of an object as found, by what it was before anything was seen."""
+        """The random walk of an object as found, by what it was before anything was seen; one robot alone shows no faster one."""
+        return prior * min(self._factor(subject), max(1.0, self._agreed.get(subject, math.inf)))
+
+    def _factor(self, subject: str) -> float:
+        """The random walk of an object as found, over the configured one."""
         if subject not in self._motions:
-            return prior
+            return 1.0
         shares = np.exp(PRIOR + self._motions[subject].bank.likelihoods)
-        return prior * math.sqrt(float(shares @ FACTORS**2) / float(shares.sum()))
+        return math.sqrt(float(shares @ FACTORS**2) / float(shares.sum()))
 
     def velocity(self, subject: str) -> Moments | None:
         """The velocity (unit / s) of an object that rolls: mean, shape (2,), and covariance, shape (2, 2); None of one that walks."""
@@ -200,18 +206,25 @@ class Walks(Copyable):
         evidence = course.evidence * math.exp(-dt / MEMORY) if model == "learn" else math.inf
         return _Motion(bank, replace(course, rolling=rolling, evidence=evidence))
 
-    def judge(self, subject: str, seen: Moments, named: bool = True) -> Moments | None:
+    def judge(self, subject: str, seen: Moments, named: bool = True, *, alone: bool = False) -> Moments | None:
         """A sighting puts an object at a place: mean, shape (2,), and covariance, shape (2, 2).
 
         A sighting that is not `named` was assigned to the object by its place, so it is never a misread. Returned is a way with its
-        covariance, as by `pass_time`, where the object was just moved, or rolls and changed its velocity.
+        covariance, as by `pass_time`, where the object was just moved, or rolls and changed its velocity. `alone`: one robot alone
+        sees the object, and does not show that it was moved, or walks faster than it was told or several have seen.
         """
+        if alone:
+            self._agreed.setdefault(subject, self._factor(subject))
+        else:
+            self._agreed.pop(subject, None)
         known, kicked = self._motions.get(subject), self._kicked.pop(subject, None)
         if known is None:
             self._motions[subject] = _Motion(_Bank.begun(seen))
             return None
         if not named or known.explains(seen):
             return self._take(subject, known, seen)
+        if alone:
+            return None
         if kicked is None or not kicked.explains(seen):
             self._kicked[subject] = known.kicked(seen)
             return None
@@ -238,10 +251,12 @@ class Walks(Copyable):
         for known in (self._motions, self._kicked):
             if subject in known:
                 known[name] = known.pop(subject)
+        if subject in self._agreed:
+            self._agreed[name] = self._agreed.pop(subject)
 
     def forget(self, subject: str) -> None:
         """An object is gone, or begins anew."""
-        for known in (self._motions, self._kicked):
+        for known in (self._motions, self._kicked, self._agreed):
             known.pop(subject, None)
 
 

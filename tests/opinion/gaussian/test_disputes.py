@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion
 from tests.opinion.gaussian.square import PLACES, evidence_of, new_team, sees
@@ -127,3 +129,94 @@ def test_an_object_that_only_a_doubted_robot_has_placed_is_where_another_one_see
     for tick in range(TICKS, TICKS + 3):
         settle(team, tick, {"robot/r2": HERE})
     assert off(team, BALL, HERE) < 0.3
+
+
+def of_walks(drift: float) -> TeamJoint:
+    """The team, which was told how far objects walk in a second, and that they do not roll."""
+    team = TeamJoint(Objects(drift, model="walk"))
+    team.settle(0, 1.0, [evidence_of(robot, 0) for robot in PLACES])
+    return team
+
+
+def led_alone(team: TeamJoint, ticks: int, step: float) -> list[float]:
+    """How far the ball is from where all saw it, while one robot tells it aside of where the team has it, with fresh noise."""
+    away = []
+    for tick in range(1, 10):
+        settle(team, tick, dict.fromkeys(PLACES, HERE))
+    for tick in range(10, 10 + ticks):
+        x, y = team.marginal(BALL).mean
+        settle(team, tick, {"robot/r1": (x + step, y)})
+        away.append(off(team, BALL, HERE))
+    return away
+
+
+@pytest.mark.parametrize("step", [0.1, 0.3, 1.0, 3.0])
+def test_one_robot_leads_an_object_that_walks_no_farther_than_that_goes_and_no_second_time(step: float) -> None:
+    """Before, it was led up to 78 units away."""
+    drift, ticks = 0.1, 60
+    away = led_alone(of_walks(drift), ticks, step)
+    walked = np.sqrt(quantile(GATE, 2) * (drift**2 * np.arange(1, ticks + 1) + 0.1))
+    assert (np.array(away) < walked).all()
+    assert away[-1] < max(0.3, 0.5 * walked[-1])
+
+
+def test_who_has_led_an_object_too_far_is_believed_about_it_again_once_another_one_sees_it_there() -> None:
+    team = of_walks(0.1)
+    led_alone(team, 60, 1.0)
+    for tick in range(70, 90):
+        settle(team, tick, {"robot/r1": THERE, "robot/r2": THERE})
+    assert off(team, BALL, THERE) < 0.3
+    for tick in range(90, 120):
+        settle(team, tick, {"robot/r1": THERE})
+    assert off(team, BALL, THERE) < 0.3
+    assert team.seen[BALL] == 0.0
+
+
+def test_an_object_that_walks_as_told_is_followed_by_one_robot_alone() -> None:
+    errors = []
+    for seed in range(8):
+        team, draw, place = of_walks(0.3), np.random.default_rng(seed).normal, np.array(HERE)
+        for tick in range(1, 120):
+            place = place + 0.3 * draw(size=2)
+            at = float(place[0]), float(place[1])
+            settle(team, tick, {"robot/r1": at} if tick > 3 else dict.fromkeys(PLACES, at))
+            errors.append(off(team, BALL, at))
+    assert np.sqrt(np.mean(np.square(errors))) < 0.3
+
+
+def test_what_a_robot_has_moved_an_object_is_taken_back_once_more_robots_see_that_elsewhere() -> None:
+    team, tick = of_walks(0.3), 0
+    while team.majority("robot/r1", BALL) > 0 and tick < 40:
+        tick += 1
+        x, y = team.marginal(BALL).mean if BALL in team.joint else HERE
+        others = dict.fromkeys(["robot/r2", "robot/r3"], HERE) if tick < 4 or tick > 16 else {}
+        settle(team, tick, {"robot/r1": (x + 0.5, y) if tick > 3 else HERE, **others})
+    assert team.majority("robot/r1", BALL) < 0
+    moved_by_it, _ = team.influence.moved("robot/r1")
+    assert not moved_by_it[-2:].any()  # robots come first, then the ball
+
+
+def ball_without(team: TeamJoint) -> bool:
+    """Whether the ball, which one robot led along after all saw it, is where the others saw it once that one is left out."""
+    for tick in range(1, 14):
+        others = dict.fromkeys(list(PLACES)[1:], HERE) if tick < 10 else {}
+        settle(team, tick, {"robot/r1": HERE if tick < 10 else (HERE[0] + 0.1 * (tick - 9), HERE[1]), **others})
+    team.leave_out(frozenset({"robot/r1"}))
+    return BALL in team.joint and off(team, BALL, HERE) < 0.1
+
+
+def test_an_object_that_others_have_placed_stays_when_one_who_saw_it_is_left_out() -> None:
+    """Before, it was forgotten, and began anew where the next robot told it; so is still one that may move in any way."""
+    assert ball_without(of_walks(0.1))
+    assert not ball_without(new_team())
+
+
+def test_who_is_left_out_has_no_vote_on_where_an_object_is() -> None:
+    """Before, an object that another robot had seen once was forgotten, because one that was left out saw it elsewhere."""
+    team = new_team()
+    settle(team, 1, {"robot/r2": HERE})
+    for _ in range(2):
+        team.trust.judge("robot/r1", BALL, agrees=False)
+    team.left_out = frozenset({"robot/r1"})
+    team.forget_objects()
+    assert BALL in team.joint
