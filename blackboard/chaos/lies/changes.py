@@ -164,7 +164,7 @@ class Tells(Change):
 
 @dataclass(frozen=True)
 class Mirrors(Change):
-    """What is to its left is told as to its right, with honest noise."""
+    """Changes the sign of every bearing: what the robot sees to its left, it reports to its right."""
 
     def evidence(self, evidence: PackedEvidence, scene: Scene) -> PackedEvidence:
         mirrored = [relative.model_copy(update={"bearing": -relative.bearing}) for relative in evidence.relatives]

@@ -25,7 +25,7 @@ MOST = 1e20  # of a weight, so that the products of `MAX_CLUSTER` are finite
 STRANGE, FRAMES = 1.0, 10.0
 CLASSES = 64  # of which it is known what an observer sees of them
 REMEMBERED = 100.0  # frames after which what was seen is half forgotten, and more
-RAREST = 1e-9  # in a frame, of what is seen rarely: what was not seen for hours is not impossible
+LEAST = 1e-9  # of a rate: what was not seen for hours is not impossible
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Rate:
 
     @property
     def rate(self) -> float:
-        return max(RAREST, self.seen / self.frames)
+        return max(LEAST, self.seen / self.frames)
 
     def plus(self, seen: float, frames: float = 1.0) -> "Rate":
         """After one more frame, or so much of one, with so many."""

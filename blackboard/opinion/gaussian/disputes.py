@@ -23,7 +23,7 @@ from blackboard.opinion.grid import Array
 
 NEW = math.exp(-2.0 / MEMORY)  # share that is left of what was seen two seconds ago; some robots tick once a second
 MOST = 6.0  # squared distance that a sighting counts with at most: a kick, or a misread, is no dispute
-KEPT = 60.0  # seconds for which who has led an object too far is not believed about it alone: as long as what nobody sees is kept
+KEPT = 60.0  # seconds for which a robot that moved an object too far, while no other saw it, is not believed alone about that object
 DISPUTED = 10.0  # times the variance of what is disputed, so that an object does not follow the one that spoke last
 
 
@@ -60,7 +60,7 @@ class Disputes(Copyable):
     _views: dict[tuple[str, str], ObserverRecord] = field(default_factory=dict)  # object and observer -> what it saw
     #: Object, and two observers that differ, sorted -> for how many seconds more they do.
     _held: dict[tuple[str, str, str], float] = field(default_factory=dict)
-    #: Observer and object -> for how many seconds more it is not believed about that alone, unless another one confirms it.
+    #: Observer and object -> seconds for which it is not yet believed alone about that object, unless another observer confirms it.
     _set_back: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def pass_time(self, dt: float) -> None:
@@ -99,7 +99,7 @@ class Disputes(Copyable):
                 self._held[subject, one, two] = MEMORY
 
     def disputed(self) -> set[str]:
-        """The objects that some see elsewhere than others."""
+        """The objects whose observers see them at different places."""
         return {subject for subject, _, _ in self._held}
 
     def differing(self, observer: str, subject: str) -> set[str]:
@@ -118,14 +118,14 @@ class Disputes(Copyable):
         return 0.5 * DISPUTED * (min(view.variance for view in now) + 0.25 * apart)
 
     def set_back(self, observer: str, subject: str) -> None:
-        """An observer alone has led an object farther than that goes."""
+        """An observer moved an object too far while no other saw it."""
         self._set_back[observer, subject] = KEPT
 
     def is_set_back(self, observer: str, subject: str) -> bool:
         return (observer, subject) in self._set_back
 
     def led(self) -> set[tuple[str, str]]:
-        """Observers, and the objects about which they are not believed alone."""
+        """Pairs of observer and object: the observer is not believed about the object while no other sees it."""
         return set(self._set_back)
 
     def forget(self, subject: str) -> None:

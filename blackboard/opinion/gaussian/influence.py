@@ -138,7 +138,7 @@ class Influence(Copyable):
         return moved, honest
 
     def beyond(self, joint: Joint, after: tuple[Array, Array]) -> set[tuple[str, str]]:
-        """Whose D would be too far by its C, and farther than it is, and at which other place than its own."""
+        """Pairs of robot and another place than its own, where its D would leave the region of C and grow."""
         moved, honest = after
         variances = joint.variances[joint.indices(self._places, 2)].mean(axis=1)
         faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
@@ -160,7 +160,7 @@ class Influence(Copyable):
         return self._moved[row].copy(), self._honest[row].copy()
 
     def take_back(self, joint: Joint, robot: str, only: str | None = None) -> None:
-        """Others, or `only` one place, are where they were without a robot's evidence, and as uncertain as that leaves them."""
+        """Undo what a robot's evidence has moved at all places but its own, or at `only` one: means go back, covariances grow."""
         self._follow(joint)
         if robot not in self._sources:
             return

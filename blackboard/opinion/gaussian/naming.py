@@ -23,9 +23,8 @@ from blackboard.opinion.grid import Array
 
 IN_VIEW = 0.5  # that a frame shows a known subject: where it looked is not known
 FAINT = 0.001  # odds below this are not told
-TWICE = Rate(
-    0.1, 10.0
-)  # of the things in a frame, those that it shows twice: what is expected before anything was seen
+#: Of the things in a frame, the share that is detected twice: prior.
+TWICE = Rate(0.1, 10.0)
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class Odds:
 
     @property
     def is_new(self) -> bool:
-        """Whether it most likely is of nobody known."""
+        """Whether it most likely shows something that is no known subject and no track."""
         return sum(self.subjects.values()) + self.again < LIKELY
 
 
@@ -80,9 +79,8 @@ class Naming:
 
     area: float = 1000.0
     _strangers: dict[tuple[str, str], Rate] = field(default_factory=dict)  # by observer and class
-    _twice: dict[tuple[str, str], Rate] = field(
-        default_factory=dict
-    )  # the same: of the things in its frames, those shown twice
+    #: By observer and class: the share of the things in its frames that it detects twice.
+    _twice: dict[tuple[str, str], Rate] = field(default_factory=dict)
 
     def copy(self) -> "Naming":
         """The same, which may be changed without changing this one."""
@@ -146,14 +144,14 @@ class Naming:
         second = (rest * again.sum(axis=1, keepdims=True) / expected)[:, 0].tolist()
         self._learn(frame, rest[:, 0].tolist(), second, its.sum(axis=1).tolist())
         return [
-            Odds({s: p for s, p in zip(subjects, shares, strict=True) if p > FAINT}, twin)
-            for shares, twin in zip(its.tolist(), second, strict=True)
+            Odds({s: p for s, p in zip(subjects, row, strict=True) if p > FAINT}, twin)
+            for row, twin in zip(its.tolist(), second, strict=True)
         ]
 
     def _learn(
         self, frame: Sequence[ClassSighting], rest: Sequence[float], second: Sequence[float], first: Sequence[float]
     ) -> None:
-        """Take a frame: of each sighting how likely it is of no subject, of one that is shown twice, and of a subject."""
+        """Learn both rates from a frame. Probabilities of each sighting: of no subject (`rest`), of one seen twice, of a subject."""
         for key in dict.fromkeys((seen.observer, seen.subject) for seen in frame):
             rows = [row for row, seen in enumerate(frame) if (seen.observer, seen.subject) == key]
             strangers, twins = (math.fsum(shares[row] for row in rows) for shares in (rest, second))
@@ -162,9 +160,9 @@ class Naming:
             keep(self._twice, key, self._twice.get(key, TWICE).plus(min(things, twins), things))
 
     def is_second(self, seen: ClassSighting, densities: Iterable[float]) -> bool:
-        """Whether a sighting of nobody known most likely shows once more what another one of its frame shows.
+        """Whether two new sightings of a frame are most likely two detections of one thing.
 
-        `densities` are by the others: how much likelier it is of the same thing than of something anywhere.
+        `densities` are by the other new ones: how much likelier `seen` is of the same thing than of something anywhere.
         """
         second = self._rate(self._twice, seen, TWICE) * math.fsum(densities)
         return second >= LIKELY * (self._rate(self._strangers, seen, Rate()) + second)

@@ -22,14 +22,14 @@ FAST = 4.0  # the same of a thing without a name: if nothing is near, the next s
 STAY = 5.0  # seconds, in the mean, until an object goes over to another member
 # Sightings: what is assumed of a kind counts for so many, and after so many a sighting for 1/e.
 FEW, MANY = (10.0, 1000.0)
-#: What is assumed of how things go over, in the form of `Rolling.transitions`: half an event for each rate (Jeffreys' prior).
+#: Prior of `Habits.transitions`: half a transition from each member to each other one (Jeffreys), at the rate that `STAY` says.
 ASSUMED = 0.5 * (1.0 + (STAY * (len(WILDNESS) - 1) - 1.0) * np.eye(len(WILDNESS)))
 PLACE, VELOCITY = slice(0, 2), slice(2, 4)
 
 
 @dataclass(frozen=True, eq=False)
 class Habits:
-    """How things of a kind roll: `transitions` (k, k) is the sum of those of each thing.
+    """How things of a kind roll: `transitions` (k, k) are the expected counts of all of them, as in `Rolling.transitions`.
 
     `squared` is the mean square of a velocity along one axis, over the configured drift squared (1 / s); `n` counts sightings.
     """
@@ -39,7 +39,7 @@ class Habits:
     n: float = FEW
 
     def plus(self, one: Rolling) -> Habits:
-        """After one more sighting of such a thing. Its transitions count from when they were told last (`Rolling.told_all`)."""
+        """After one more sighting of such a thing. Its transitions are added, so `Rolling.told_all` must follow."""
         n = min(self.n + 1.0, MANY)
         now = one.moments()
         speed = float(np.square(now.mean[VELOCITY]).sum() + np.trace(now.covariance[VELOCITY, VELOCITY])) / 2
@@ -92,7 +92,7 @@ class Rolling:
         return transitions
 
     def told_all(self) -> Rolling:
-        """Its transitions were told: what is left is by how much they depend on the member that it is at."""
+        """Start counting anew, after `transitions` was used: only differences between the members' histories are kept."""
         return replace(self, histories=self.histories - self.transitions())
 
     def passed(self, dt: float, rates: Array | None = None) -> Rolling:
@@ -103,7 +103,7 @@ class Rolling:
         stays = np.maximum(np.exp(-dt * leaves), 1 / k)
         over = ((1 - stays) / leaves)[:, np.newaxis] * rates + np.diag(stays)
         weights = self.weights @ over
-        # of each member before (row) in each one after (column)
+        # the probability that it came from the member of the row, if it is at that of the column
         shares = self.weights[:, np.newaxis] * over / weights
         histories = np.einsum("ij,ikl->jkl", shares, self.histories)
         before, after = np.indices((k, k))

@@ -219,7 +219,10 @@ class TeamState(Copyable):
         return 1 + len(set(agreeing) - differing) - len(differing)
 
     def waits(self, observer: str, subject: str) -> bool:
-        """Whether an object is in dispute, and nobody who sees it elsewhere looks now; or an observer alone has led it too far."""
+        """Whether a sighting of an object is not taken now.
+
+        It is disputed, and nobody who sees it elsewhere looks now; or the observer moved it too far while no other saw it.
+        """
         if self.disputes.is_set_back(observer, subject) and self.is_alone(observer, subject):
             return True
         others = self.disputes.differing(observer, subject)

@@ -38,7 +38,7 @@ class TeamJoint(TeamState):
     """Mutable; `settle` once per tick."""
 
     _doubted: frozenset[str] = frozenset()  # who was a tick ago
-    _unbelieved: frozenset[tuple[str, str]] = frozenset()  # who was about which object a tick ago
+    _unbelieved: frozenset[tuple[str, str]] = frozenset()  # `_unbelieved_now` of the last tick
 
     def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
         """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing.
@@ -63,7 +63,7 @@ class TeamJoint(TeamState):
         return self.tally.verdicts
 
     def _unbelieved_now(self) -> frozenset[tuple[str, str]]:
-        """Who sees which object elsewhere than more robots do, or has led it too far alone."""
+        """Pairs of robot and object: it is outvoted about the object's place, or moved it too far while no other saw it."""
         outvoted = (
             (robot, subject)
             for subject in self.disputes.disputed()
