@@ -2,6 +2,7 @@
 
 The innovations of what each sees of an object are white where all models hold (Mehra, IEEE TAC 15, 1970), and keep one side where the
 object moves as no model has it. Both robots see that alike. So what counts is the difference between the offsets of two robots.
+A range or a bearing alone tells one direction. Then two robots are compared in the directions that both tell.
 Where more robots differ from one than agree with it, what it sees of the object is left out. Of two alone nobody can tell which is
 wrong. Then both count the same, however sure each says that it is, and the object is between them. While one of them looks alone,
 what it sees is left out, for at most `MEMORY` seconds.
@@ -16,8 +17,8 @@ import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.copying import Copyable
-from blackboard.opinion.gaussian.joint import Factor, Innovation, squared_distance
-from blackboard.opinion.gaussian.offsets import LEAST, MEMORY, NONE, OffsetScore
+from blackboard.opinion.gaussian.joint import Factor, Innovation
+from blackboard.opinion.gaussian.offsets import LEAST, MEMORY, NONE, ROUNDED, OffsetScore
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
@@ -27,30 +28,51 @@ KEPT = 60.0  # seconds for which a robot that moved an object too far, while no 
 DISPUTED = 10.0  # times the variance of what is disputed, so that an object does not follow the one that spoke last
 
 
+def told_by_both(one: Array, other: Array) -> tuple[Array, int]:
+    """The information, shape (2, 2), on the difference of two offsets by that on each, and how many directions both tell.
+
+    It is the parallel sum (Anderson and Duffin, J. Math. Analysis and Applications 26, 1969): (one^-1 + other^-1)^-1, and of matrices
+    that have no inverse its limit.
+    """
+    both = one @ np.linalg.pinv(one + other, rcond=ROUNDED, hermitian=True) @ other
+    least = ROUNDED * min(float(np.trace(one)), float(np.trace(other)))
+    return both, int(np.sum(np.linalg.eigvalsh((both + both.T) / 2) > least))
+
+
 @dataclass(frozen=True, eq=False)
 class ObserverRecord:
-    """What one observer saw of one object: the score of an offset, and place, shape (2,), and variance of its newest sighting."""
+    """What one observer saw of one object: the score of an offset, and its newest sighting.
+
+    That is a place, shape (2,), which is told in the directions of a projection, shape (2, 2): of a range or a bearing alone in one.
+    """
 
     score: OffsetScore
     place: Array
     variance: float  # unit^2, along both axes together
+    directions: Array
 
     def differs(self, other: ObserverRecord) -> bool:
         """Whether the offsets of both differ by more than 99.9 % of those that are the same."""
-        try:
-            ways = [np.linalg.inv(view.score.covariance) for view in (self, other)]
-        except np.linalg.LinAlgError:
-            return False
-        apart = ways[0] @ self.score.gradient - ways[1] @ other.score.gradient
-        return squared_distance(apart, ways[0] + ways[1]) > quantile(GATE, 2)
+        both, freedom = told_by_both(self.score.covariance, other.score.covariance)
+        mine, its = (
+            np.linalg.pinv(of.score.covariance, rcond=ROUNDED, hermitian=True) @ of.score.gradient
+            for of in (self, other)
+        )
+        return freedom > 0 and float((mine - its) @ both @ (mine - its)) > quantile(GATE, freedom)
 
     def is_apart(self, other: ObserverRecord) -> bool:
         """Whether both saw it farther apart than 99.9 % of what is at one place."""
-        return self.squared(other) > quantile(GATE, 2) * 0.5 * (self.variance + other.variance)
+        squared, freedom = self.apart(other)
+        return freedom > 0 and squared > quantile(GATE, freedom) * 0.5 * (self.variance + other.variance)
 
-    def squared(self, other: ObserverRecord) -> float:
-        """The squared distance (unit^2) of both places."""
-        return float(np.square(self.place - other.place).sum())
+    def confirms(self, other: ObserverRecord) -> bool:
+        """Whether both saw it at one place, and each by itself."""
+        return self.apart(other)[1] == len(self.place) and not self.is_apart(other)
+
+    def apart(self, other: ObserverRecord) -> tuple[float, int]:
+        """The squared distance (unit^2) of both places in the directions that both tell, and how many these are."""
+        both, freedom = told_by_both(self.directions, other.directions)
+        return 2.0 * float((self.place - other.place) @ both @ (self.place - other.place)), freedom
 
 
 @dataclass
@@ -77,7 +99,7 @@ class Disputes(Copyable):
     def on_sighting(
         self, observer: str, subject: str, factor: Factor, innovation: Innovation, place: Array, lasting: float
     ) -> None:
-        """Take a sighting of an object, which puts that at a place, shape (2,), against what is expected.
+        """Take a sighting of an object, by one number or two, which puts that at a place, shape (2,), against what is expected.
 
         `lasting` is the variance (unit^2) of where the observer is.
         """
@@ -86,12 +108,12 @@ class Disputes(Copyable):
         both = ways.T @ np.linalg.solve(innovation.covariance, np.column_stack([ways, residual]))
         last = self._views.get((subject, observer))
         score = (NONE if last is None else last.score).plus(OffsetScore(both[:, 2], both[:, :2]))
-        back = np.linalg.inv(ways)
-        variance = float(np.trace(back @ factor.noise @ back.T)) + lasting
-        mine = self._views[subject, observer] = ObserverRecord(score, place, variance)
+        back = np.linalg.pinv(ways)
+        variance = 2.0 / len(ways) * float(np.trace(back @ factor.noise @ back.T)) + lasting
+        mine = self._views[subject, observer] = ObserverRecord(score, place, variance, back @ ways)
         for other in self.seeing(subject):
             (one, two), its = sorted((observer, other)), self._views[subject, other]
-            if other != observer and not mine.is_apart(its):
+            if other != observer and mine.confirms(its):
                 self._set_back.pop((observer, subject), None)
                 self._set_back.pop((other, subject), None)
             is_held = (subject, one, two) in self._held
@@ -114,7 +136,7 @@ class Disputes(Copyable):
     def noise(self, subject: str) -> float:
         """The variance (unit^2, along x and along y) with which all sightings of a disputed object are taken."""
         now = [self._views[subject, observer] for observer in self.seeing(subject)]
-        apart = max(view.squared(other) for view in now for other in now)
+        apart = max(view.apart(other)[0] for view in now for other in now)
         return 0.5 * DISPUTED * (min(view.variance for view in now) + 0.25 * apart)
 
     def set_back(self, observer: str, subject: str) -> None:

@@ -14,11 +14,11 @@ from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.linearising import linearise, linearise_all
-from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.relation import NEAREST, Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.strayed import displacement_of
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, Motion, correct
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, FLAT, Motion, correct
 from blackboard.opinion.grid import Array
 
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
@@ -42,7 +42,7 @@ def see(
     sightings of which it is not clear whose they are: they are held against the joint, too. `apart` are objects to be set aside.
     """
     told = [sighting for evidence in news if evidence.robot in heard for sighting in _own(evidence)]
-    seen = [team.as_found(sighting) for sighting in told if not _is_off_map(team, sighting)]
+    seen = [team.as_found(sighting) for sighting in told if not _tells_nothing(team, sighting)]
     team.tally.silent += len(told) - len(seen)
     doubts = [team.as_found(sighting) for sighting in doubts]
     known = {name for sighting in (*seen, *doubts) for name in (sighting.observer, sighting.subject)} & {
@@ -88,10 +88,18 @@ def batches(news: Iterable[Evidence]) -> Iterator[list[Evidence]]:
         yield part
 
 
-def _is_off_map(team: TeamState, sighting: Relative) -> bool:
-    """Whether an object is claimed to be farther away than any sensor can see; a joint cannot hold the variance that leads back."""
-    away = 0.0 if sighting.kind == "bearing" or sighting.subject.startswith("robot/") else sighting.range
-    return away**2 > FARTHEST**2 * team.naming.area
+def _tells_nothing(team: TeamState, sighting: Relative) -> bool:
+    """Whether it is as vague as no sighting, by the errors that it claims; or of an object farther away than any sensor can see.
+
+    A joint cannot hold the variances that lead back from there, and whoever sees the subject next would be to blame.
+    """
+    fresh = sighting.without_profile()
+    if fresh.kind == "bearing":
+        return fresh.bearing_variance > ANYWHERE
+    along = fresh.range_variance + sum(bias.sigma**2 for bias in fresh.biases)
+    across = fresh.bearing_variance * max(fresh.range, NEAREST) ** 2
+    away = 0.0 if fresh.subject.startswith("robot/") else fresh.range
+    return max(along, across) > FLAT or away**2 > FARTHEST**2 * team.naming.area
 
 
 def _own(evidence: Evidence) -> list[Relative]:
@@ -253,10 +261,10 @@ def _as_disputed(team: TeamState, relative: Relative, factor: Factor, motions: M
     """
     observer, subject = relative.observer, relative.subject
     unknown = subject not in team.joint or relative.mark is not None
-    if len(factor.residual) != 2 or not relative.places or unknown or team.doubts(observer):
+    if len(factor.residual) > 2 or unknown or team.doubts(observer):
         return factor
     innovation, usual = team.joint.innovation(factor), factor
-    if innovation.squared > quantile(GATE, innovation.freedom):
+    if relative.places and innovation.squared > quantile(GATE, innovation.freedom):
         if team.rests_on_doubted(subject, observer):
             team.forget_object(subject)
             return linearise(team.joint, relative, motions)

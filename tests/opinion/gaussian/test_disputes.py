@@ -1,15 +1,22 @@
 """Two robots that see one object at two places: it is between them, and moves neither."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.disputes import told_by_both
+from blackboard.opinion.gaussian.relation import Bias, Kind, Relative, measured
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, Motion
+from blackboard.opinion.grid import Array
 from tests.opinion.gaussian.square import PLACES, evidence_of, new_team, sees
 
 BALL, HERE, THERE = "object/ball", (2.0, 2.0), (2.0, 6.0)
@@ -90,6 +97,26 @@ def test_an_object_that_was_placed_absurdly_far_away_is_where_the_next_robot_see
         )
     for tick in range(10, 14):
         settle(team, tick, {"robot/r2": HERE})
+    assert off(team, BALL, HERE) < 0.3
+
+
+@pytest.mark.parametrize(
+    "vague",
+    [
+        {"range_variance": 1e12},
+        {"bearing_variance": 1e12},
+        {"profile": ((1.0, 1e12), (9.0, 1e12))},
+        {"biases": (Bias(1e6, 5.0),)},
+    ],
+)
+def test_who_sees_an_object_that_was_placed_absurdly_vaguely_is_not_to_blame(vague: dict[str, Any]) -> None:
+    """Before, the walk of the object lost all digits, and the honest robot's sighting was refused as what leaves no Gaussian."""
+    team = new_team()
+    for tick in range(1, 20):
+        lie = [replace(sees("robot/r1", BALL, THERE), **vague)] if tick < 4 or tick % 2 else []
+        honest = [sees("robot/r2", BALL, HERE)] if tick >= 4 else []
+        told = {"robot/r1": lie, "robot/r2": honest}
+        team.settle(tick, 1.0, [evidence_of(robot, tick, *told.get(robot, [])) for robot in PLACES])
     assert off(team, BALL, HERE) < 0.3
 
 
@@ -220,3 +247,67 @@ def test_who_is_left_out_has_no_vote_on_where_an_object_is() -> None:
     team.left_out = frozenset({"robot/r1"})
     team.forget_objects()
     assert BALL in team.joint
+
+
+def by_one_number(kind: Kind, observer: str, at: Place, *, sure: float = 1.0, noise: float = 0.0) -> Relative:
+    """Where a robot sees the ball, by its range or its bearing alone."""
+    full = sees(observer, BALL, at)
+    value, variance = (full.range, full.range_variance) if kind == "range" else (full.bearing, full.bearing_variance)
+    return measured(kind, observer, BALL, (value + noise * math.sqrt(variance),), (variance / sure,))
+
+
+@pytest.mark.parametrize("sure", [1.0, 25.0])
+@pytest.mark.parametrize(("kind", "way"), [("bearing", (1.0, -1.0)), ("range", (1.0, 1.0))])
+def test_who_tells_an_object_aside_by_one_number_does_not_lead_it_away(kind: Kind, way: Place, sure: float) -> None:
+    """Before, it took the object 2 units away by bearings, until that was forgotten, and the robot that sees it was never heard."""
+    team, worst = new_team(), 0.0
+    settle(team, 1, {"robot/r2": HERE})
+    for tick in range(2, TICKS):
+        x, y = team.marginal(BALL).mean
+        lie = by_one_number(kind, "robot/r1", (x + way[0], y + way[1]), sure=sure)
+        told = [evidence_of("robot/r1", tick, lie), evidence_of("robot/r2", tick, sees("robot/r2", BALL, HERE))]
+        team.settle(tick, 1.0, [*told, *(evidence_of(robot, tick) for robot in ("robot/r3", "robot/r4"))])
+        worst = max(worst, off(team, BALL, HERE))
+    assert worst < 1.5 * math.hypot(*way)
+    assert moved(team) < math.hypot(*way)
+
+
+@pytest.mark.parametrize("kind", ["range", "bearing"])
+def test_honest_robots_hardly_dispute_what_one_of_them_measures_by_one_number(kind: Kind) -> None:
+    disputed = []
+    for seed in range(4):
+        team, draw = new_team(), np.random.default_rng(seed).normal
+        for tick in range(1, 2 * TICKS):
+            one = by_one_number(kind, "robot/r1", HERE, noise=draw())
+            others = [sees(robot, BALL, (2.0 + 0.1 * draw(), 2.0 + 0.1 * draw())) for robot in ("robot/r2", "robot/r3")]
+            told = [evidence_of(of.observer, tick, of) for of in (one, *others)]
+            team.settle(tick, 1.0, [*told, evidence_of("robot/r4", tick)])
+            disputed += [team.majority(robot, BALL) <= 0 for robot in list(PLACES)[:3]]
+    assert np.mean(disputed) < 0.01
+
+
+symmetric = (
+    st.lists(st.floats(-3, 3), min_size=4, max_size=4).map(lambda r: np.reshape(r, (2, 2))).map(lambda r: r @ r.T)
+)
+
+
+@given(symmetric, symmetric)
+def test_what_both_tell_is_the_inverse_of_both_variances_together(one: Array, other: Array) -> None:
+    assume(min(np.linalg.eigvalsh(one)[0], np.linalg.eigvalsh(other)[0]) > 1e-3)
+    both, freedom = told_by_both(one, other)
+    assert freedom == 2
+    np.testing.assert_allclose(both, np.linalg.inv(np.linalg.inv(one) + np.linalg.inv(other)), rtol=1e-6, atol=1e-9)
+
+
+@given(st.floats(0, math.pi), st.floats(0, math.pi), symmetric)
+def test_of_a_line_of_sight_both_tell_what_is_across_it_and_two_lines_always_meet(
+    one: float, other: float, full: Array
+) -> None:
+    lines = [np.array([math.cos(angle), math.sin(angle)]) for angle in (one, other)]
+    assume(abs(lines[0] @ lines[1]) < 0.99 and np.linalg.eigvalsh(full)[0] > 1e-3)
+    along = np.outer(lines[0], lines[0])
+    both, freedom = told_by_both(along, full)
+    variance = 1.0 + lines[0] @ np.linalg.inv(full) @ lines[0]
+    assert freedom == 1
+    np.testing.assert_allclose(both, along / variance, rtol=1e-6, atol=1e-9)
+    assert told_by_both(along, np.outer(lines[1], lines[1]))[1] == 0
