@@ -78,18 +78,20 @@ def bounded(absent: Mapping[str, Absent], left_out: Collection[str]) -> dict[str
     return dict(list(kept.items())[:MAX_TRACKS])
 
 
-def found_again(new: Mapping[str, tuple[str, Rolling]], absent: Mapping[str, Absent], area: float) -> dict[str, str]:
-    """New track -> name of the thing out of sight that it is of, with a probability above `LIKELY`. `new` has classes and motions.
+def found_again(
+    new: Mapping[str, tuple[str, Rolling, float]], absent: Mapping[str, Absent], area: float
+) -> dict[str, str]:
+    """New track -> name of the thing out of sight that it is of, with a probability above `LIKELY`.
 
-    `area` is that of the map (unit^2).
+    `new` has classes, motions and ages (s). What was seen since a track began is something else. `area` is that of the map (unit^2).
     """
     rows, columns = sorted(new), sorted(absent)
     weights = np.zeros((len(rows), len(columns)))
     for column, name in enumerate(columns):
         options = absent[name].now(area)
         for row, block in enumerate(rows):
-            kind, rolling = new[block]
-            if absent[name].kind == kind:
+            kind, rolling, age = new[block]
+            if absent[name].kind == kind and absent[name].unseen > age:
                 there = math.exp(-absent[name].unseen / STAYS) / UNKNOWN
                 weights[row, column] = there * math.exp(min(40.0, likelier(options, rolling, area)))
     weights[weights < FAINTEST] = 0.0

@@ -157,13 +157,13 @@ def _going(team: TeamState, block: str) -> tuple[str, Rolling]:
 
 
 def _found_again(team: TeamState, new: Sequence[str], taken: Collection[str]) -> dict[str, str]:
-    """New track -> name of the thing out of sight that it is of; names in `taken` are not given."""
-    absent = {
-        name: one
-        for name, one in team.absent.items()
-        if name not in taken and not (name in team.tracks and team.tracks.is_told(name))
-    }
-    return found_again({block: _going(team, block) for block in new if absent}, absent, team.naming.area)
+    """New track -> name of the thing out of sight that it is of; names in `taken` are not given.
+
+    It may have a track yet, which goes straight on where the thing turned.
+    """
+    absent = {name: one for name, one in team.absent.items() if name not in taken}
+    began = {block: (*_going(team, block), team.tracks.age(block)) for block in new if absent}
+    return found_again(began, absent, team.naming.area)
 
 
 def end_tick(team: TeamState) -> None:

@@ -70,6 +70,7 @@ class Track:
     votes: Mapping[str, Vote]
     named: bool = False
     unseen: float = 0.0  # seconds since somebody saw it
+    age: float = 0.0  # seconds since it began
     shown: int = 0  # frames that have clearly shown it since it was lost, or had a name
 
     @property
@@ -85,7 +86,7 @@ class Track:
     def passed(self, dt: float) -> Track:
         """After `dt` seconds, in which it may have gone: that takes the same share from all votes for it, and then from the prior."""
         votes = {observer: vote.passed(dt) for observer, vote in self.votes.items()}
-        track = replace(self, votes=votes, unseen=self.unseen + dt)
+        track = replace(self, votes=votes, unseen=self.unseen + dt, age=self.age + dt)
         surplus = _nats(track.existence) - _nats(track.existence * math.exp(-dt / STAYS))
         behind = math.fsum(max(0.0, vote.evidence) for vote in votes.values())
         kept = 1.0 - min(1.0, surplus / behind) if behind else 1.0
@@ -154,6 +155,10 @@ class Tracks:
     def kind(self, block: str) -> str:
         """The class of what a track is of, as `person/?`; nothing of all that is no track."""
         return self._tracks[block].kind if block in self._tracks else ""
+
+    def age(self, block: str) -> float:
+        """Seconds since a track began."""
+        return self._tracks[block].age
 
     def is_named(self, block: str) -> bool:
         """Whether a track has a name that nothing else has."""

@@ -25,8 +25,8 @@ def begun(place: Sequence[float], velocity: Sequence[float] = (0.0, 0.0), sigma:
     return Rolling(0.5, np.ones(1), mean[np.newaxis], covariance[np.newaxis], FASTEST)
 
 
-def found(new: dict[str, Rolling], absent: dict[str, Absent]) -> dict[str, str]:
-    return found_again({block: (KIND, its) for block, its in new.items()}, absent, AREA)
+def found(new: dict[str, Rolling], absent: dict[str, Absent], age: float = 0.2) -> dict[str, str]:
+    return found_again({block: (KIND, its, age) for block, its in new.items()}, absent, AREA)
 
 
 def test_who_comes_back_where_its_way_leads_is_the_same() -> None:
@@ -38,6 +38,12 @@ def test_who_comes_back_where_its_way_leads_is_the_same() -> None:
 def test_who_comes_from_where_nobody_can_have_gone_is_somebody_else() -> None:
     absent = {"person/1": lost([10.0, 10.0], [1.0, 0.0], 3.0)}
     assert found({"person/?7": begun([40.0, 40.0])}, absent) == {}
+
+
+def test_what_was_seen_since_a_track_began_is_something_else() -> None:
+    absent, new = {"person/1": lost([10.0, 10.0], [1.0, 0.0], 2.0)}, {"person/?7": begun([12.0, 10.0])}
+    assert found(new, absent, age=1.9) == {"person/?7": "person/1"}
+    assert found(new, absent, age=2.0) == {}
 
 
 def test_of_two_that_may_be_it_neither_is() -> None:

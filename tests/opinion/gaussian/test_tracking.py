@@ -167,6 +167,18 @@ def test_who_goes_on_where_nobody_looks_is_told_of_no_more_and_found_again_by_th
     assert joint.marginal("person/1").mean == pytest.approx(place, abs=1.0)
 
 
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_who_turns_while_nobody_sees_it_leaves_no_track_that_goes_straight_on(seed: int) -> None:
+    joint, robots = a_team(seed=seed)
+    start = robots[0].place + [20.0, -2.0]
+    for tick in range(35):
+        place = start + [0.0, 0.32 * min(tick, 40 - tick)]
+        seen = {} if 20 <= tick < 25 else {robot.name: [place] for robot in robots}
+        joint.settle(tick, 0.2, with_people(robots, tick, seen))
+    assert tracks(joint) == ["person/1"]
+    assert joint.marginal("person/1").mean == pytest.approx(place, abs=1.0)
+
+
 @pytest.mark.parametrize("seed", range(1, 3))
 def test_who_comes_back_after_its_track_is_over_because_nobody_knew_its_place_has_its_name(seed: int) -> None:
     joint, robots = a_team(seed=seed)
