@@ -1,7 +1,7 @@
 """Whether a new track is of a thing that went out of sight, by place and velocity of both. Pure.
 
-Track segment association: a new track is held against what is expected of each lost one by now (Yeddanapudi, Bar-Shalom, Pattipati,
-Deb, IEEE TAES 31(4), 1995; Zhang and Bar-Shalom, IEEE TAES 47(3), 2011). All new and lost tracks are assigned together.
+Track segment association: a new track is held against what is expected of each unseen one by now (Yeddanapudi, Bar-Shalom, Pattipati,
+Deb, IEEE TAES 31(4), 1995; Zhang and Bar-Shalom, IEEE TAES 47(3), 2011). All new and unseen tracks are assigned together.
 """
 
 import math
