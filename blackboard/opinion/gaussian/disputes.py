@@ -29,7 +29,7 @@ DISPUTED = 10.0  # times the variance of what is disputed, so that an object doe
 
 
 def told_by_both(one: Array, other: Array) -> tuple[Array, int]:
-    """The information, shape (2, 2), on the difference of two offsets by that on each, and how many directions both tell.
+    """The information, shape (2, 2), on the difference of two offsets, and its rank, by the information on each.
 
     It is the parallel sum (Anderson and Duffin, J. Math. Analysis and Applications 26, 1969): (one^-1 + other^-1)^-1, and of matrices
     that have no inverse its limit.

@@ -89,7 +89,7 @@ def batches(news: Iterable[Evidence]) -> Iterator[list[Evidence]]:
 
 
 def _tells_nothing(team: TeamState, sighting: Relative) -> bool:
-    """Whether it is as vague as no sighting, by the errors that it claims; or of an object farther away than any sensor can see.
+    """Whether it claims errors as large as if nothing had been seen, or is of an object farther away than any sensor can see.
 
     A joint cannot hold the variances that lead back from there, and whoever sees the subject next would be to blame.
     """

@@ -105,7 +105,6 @@ def test_an_object_that_was_placed_absurdly_far_away_is_where_the_next_robot_see
     [
         {"range_variance": 1e12},
         {"bearing_variance": 1e12},
-        {"profile": ((1.0, 1e12), (9.0, 1e12))},
         {"biases": (Bias(1e6, 5.0),)},
     ],
 )
