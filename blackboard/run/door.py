@@ -118,11 +118,20 @@ def _end(told: int, within: float) -> None:
     os._exit(STOPPED)
 
 
-def serve(service: Service, name: str, flags: ZenohFlags, *, linger: float = 0.0, within: float | None = None) -> None:
+def serve(
+    service: Service,
+    name: str,
+    flags: ZenohFlags,
+    *,
+    linger: float = 0.0,
+    within: float | None = None,
+    asks: str | None = None,
+) -> None:
     """Run a service over a Zenoh session of its own until it is done or a signal comes.
 
-    What is on its way then is still handed to the service, until nothing came for 0.1 s, for at most `linger` seconds. With
-    `within` the process is gone so many seconds after a signal, whatever it does: for those who keep nothing.
+    With the key expression `asks` it is first handed the newest that was published on it before. What is on its way at the end is
+    still handed to the service, until nothing came for 0.1 s, for at most `linger` seconds. With `within` the process is gone so
+    many seconds after a signal, whatever it does: for those who keep nothing.
     """
     stop, clock = Stop(within), UnixClock()
     config = flags.link(who=_who(service.tokens, name))
@@ -130,6 +139,10 @@ def serve(service: Service, name: str, flags: ZenohFlags, *, linger: float = 0.0
     if identity is not None:
         identity.check_tokens(service.tokens)
     with Link(config, name, patience=PATIENCE, stopped=stop, clock=clock) as link:
+        if asks is not None:
+            link.subscribe(asks)  # before the question, so that nothing is missed between the two
+            for envelope in link.get(asks):
+                service.receive(envelope, clock.now())
         say("ready", process=name, tokens=list(service.tokens))
         run(service, link, clock, stop)
         end = clock.now() + linger

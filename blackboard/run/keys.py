@@ -160,7 +160,7 @@ def list_members(*, dir: Directory = Path("keys")) -> int:
 
 @app.command
 def watch(*, team: str = "demo", flags: door.ZenohFlags = door.ZenohFlags()) -> int:
-    """Print what the router of a team denies, who tried it, and how often, until it is interrupted.
+    """Print what the router of a team has denied and denies, who tried it, and how often, until it is interrupted.
 
     Parameters
     ----------
@@ -170,7 +170,8 @@ def watch(*, team: str = "demo", flags: door.ZenohFlags = door.ZenohFlags()) -> 
     door.check_name("--team", team)
     if flags.keys is None:
         raise UserError("keys watch: give --keys, and it looks on with the certificate of the viewer there")
-    door.serve(DenialWatch(team, _say), "viewer", flags)
+    service = DenialWatch(team, _say)
+    door.serve(service, "viewer", flags, asks=service.listens[0])
     return 0
 
 

@@ -170,7 +170,8 @@ def test_what_a_robot_says_again_itself_is_refused_or_changes_nothing() -> None:
 
 
 def test_a_health_check_tells_what_was_denied_and_the_watch_prints_it(let_in: Enter, shut: Shut, keys: Path) -> None:
-    r2 = let_in("robot/r2")
+    r2, viewer = let_in("robot/r2"), let_in("viewer")
+    viewer.subscribe("cop/**")  # otherwise Zenoh sends only the first messages of a publisher
     r2.send(put("cop/t/world/clock"))
     wait_until(lambda: denied(r2) >= 1, "it is told")
     flags = ("--keys", str(keys), "-e", shut[0], "--team", "t")
@@ -179,8 +180,8 @@ def test_a_health_check_tells_what_was_denied_and_the_watch_prints_it(let_in: En
     assert check.out.startswith("the router has denied ")
     assert "robot/r2" in check.out
     with program("-m", "blackboard", "keys", "watch", *flags) as watch:
-        watch.says("ready")
-        wait_until(lambda: r2.send(put("cop/t/world/truth")) or "robot/r2/1: " in watch.out, "the watch prints it")
+        wait_until(lambda: "put cop/t/world/clock" in watch.out, "the watch prints what was denied before it began")
+        wait_until(lambda: r2.send(put("cop/t/world/truth")) or "put cop/t/world/truth" in watch.out, "and what is now")
     with program("-m", "blackboard", "health", "router", *flags) as check:
         assert check.ends() == 0, check.err
 
