@@ -14,10 +14,8 @@ import hashlib
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
 
 from blackboard.config.world import CheckSection
 from blackboard.errors import Refused
@@ -27,12 +25,12 @@ from blackboard.judge.causes import likely_causes
 from blackboard.judge.forecasts import OUTSIDE, Forecasts
 from blackboard.judge.instant import Instant
 from blackboard.judge.motions import Motions
-from blackboard.judge.samples import AREA_OF, GROUPS, LEVELS, Keep, Sample, sample_of
+from blackboard.judge.samples import GROUPS, LEVELS, Keep, Sampler
 from blackboard.judge.tally import Tally
 from blackboard.judge.unnamed import UnnamedJudge
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.scores import Score, region_area
+from blackboard.opinion.scores import Score
 from blackboard.wire.arrays import unpack
 from blackboard.wire.messages import PackedBelief
 
@@ -95,7 +93,7 @@ class Referee:
         self._motions = Motions()
         self._lost = Forecasts()
         self._unnamed = UnnamedJudge(grid, check.track, unnamed)
-        self._landmark_at: dict[str, float] = {}  # robot -> team time of the newest tick in which it saw a landmark
+        self._sampler = Sampler()
 
     @property
     def hash(self) -> str:
@@ -107,7 +105,7 @@ class Referee:
         for name in sorted(instant.consensuses):
             payload, _ = instant.consensuses[name]
             self._hash.update(payload)
-        self._landmark_at |= dict.fromkeys(instant.landmark_seen, instant.truth.time)
+        self._sampler.begin_tick(instant.truth, instant.landmark_seen)
         self._attendance.note_heard(instant.solos.keys(), instant.truth.time)
         if not judged:
             return
@@ -161,8 +159,9 @@ class Referee:
                 calibration = self._calibrations.setdefault((subject, level), Calibration())
                 calibration.add(instant.truth.time, score, claimed)
                 if self._record is not None:
-                    sample = self._recorded(instant, robot, sub_team, subject, level, score, belief)
-                    self._record(replace(sample, lost=lost) if level == "agreed" else sample)
+                    about = {"sub_team": sub_team, "level": level, "lost": lost if level == "agreed" else math.nan}
+                    sources = len(instant.sources(level, robot, sub_team, subject))
+                    self._record(self._sampler.sample(belief, score, robot, subject, sources=sources, **about))
 
     def _judge_lost(self, instant: Instant, sub_team: str, subject: str, score: Score) -> float:
         """The agreed probability that a robot is lost, NaN where there is none; it is counted with whether the robot was lost."""
@@ -181,30 +180,6 @@ class Referee:
             return None
         score.add(belief, truth)
         return score, belief, claimed_error(belief)
-
-    def _recorded(
-        self, instant: Instant, robot: str, sub_team: str, subject: str, level: str, score: Score, belief: Belief
-    ) -> Sample:
-        """A sample at one level, as a row of the series; `score` has one entry."""
-        time = instant.truth.time
-        spread = belief.covariance() + np.eye(2) * self.grid.cell**2 / 12
-        return sample_of(
-            belief,
-            score,
-            instant.truth.positions[subject],
-            tick=instant.truth.tick,
-            time=time,
-            robot=robot,
-            sub_team=sub_team,
-            subject=subject,
-            level=level,
-            area=region_area(belief, AREA_OF),
-            landmark_age=time - self._landmark_at.get(robot, -math.inf),
-            sources=len(instant.sources(level, robot, sub_team, subject)),
-            var_x=float(spread[0, 0]),
-            cov_xy=float(spread[0, 1]),
-            var_y=float(spread[1, 1]),
-        )
 
     def judgement(self) -> Judgement:
         """All that was found until now."""

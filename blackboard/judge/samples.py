@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -21,7 +21,8 @@ from blackboard.errors import UserError, plain
 from blackboard.judge.files import table_file
 from blackboard.opinion.belief import Belief
 from blackboard.opinion.grid import Array
-from blackboard.opinion.scores import Score, held
+from blackboard.opinion.scores import Score, held, region_area
+from blackboard.wire.messages import Truth
 
 #: What a robot believes alone, its sub-team, and all of them after the exchange.
 LEVELS = ("solo", "consensus", "agreed")
@@ -88,6 +89,40 @@ def sample_of(belief: Belief, score: Score, truth: Sequence[float] | None, **mor
         entropy=score.entropies[0],
         **more,
     )
+
+
+class Sampler:
+    """Makes the samples of a run. Mutable: `begin_tick` each tick once, in order, also those that are not judged."""
+
+    def __init__(self) -> None:
+        self._truth: Truth | None = None
+        self._landmark_at: dict[str, float] = {}  # robot -> team time of the newest tick in which it saw a landmark
+
+    def begin_tick(self, truth: Truth, landmark_seen: Collection[str]) -> None:
+        """Take what is true in a tick, and the robots that saw a landmark in it."""
+        self._truth = truth
+        self._landmark_at |= dict.fromkeys(landmark_seen, truth.time)
+
+    def sample(self, belief: Belief, score: Score, robot: str, subject: str, **more: Any) -> Sample:
+        """The sample of a belief of this tick whose score has one entry, with the fields that the belief does not tell."""
+        assert self._truth is not None, "a tick has begun"
+        tick, time = self._truth.tick, self._truth.time
+        spread = belief.covariance() + np.eye(2) * belief.grid.cell**2 / 12
+        return sample_of(
+            belief,
+            score,
+            self._truth.positions[subject],
+            tick=tick,
+            time=time,
+            robot=robot,
+            subject=subject,
+            area=region_area(belief, AREA_OF),
+            landmark_age=time - self._landmark_at.get(robot, -math.inf),
+            var_x=float(spread[0, 0]),
+            cov_xy=float(spread[0, 1]),
+            var_y=float(spread[1, 1]),
+            **more,
+        )
 
 
 def held_by(samples: Iterable[Sample], level: int) -> Array:
