@@ -12,10 +12,12 @@ import numpy as np
 
 from blackboard.judge.intervals import Estimate, share_of_blocks
 from blackboard.judge.samples import Sample, held_by
+from blackboard.lab.comparison import IDEAL
 from blackboard.opinion.scores import LEVELS, errors
 from blackboard.process.columns import columns, markdown_table
 
 FUSIONS = ("opinions", "joint")
+RUNS = (*FUSIONS, IDEAL)  # of a protocol
 TEAM = "team"
 OBJECTS = "objects"
 SOLO = {"opinions": "solo", "joint": "solo (joint)"}  # fusion -> the name of what its robots believe alone
@@ -27,8 +29,9 @@ NO_LANDMARK = 5.0  # seconds without a landmark sighting: after that a robot has
 
 DEFINITIONS = (
     "solo: what a robot believes on its own readings, on grids where boards pool opinions; solo (joint): by its Gaussian filter,"
-    " where boards keep a joint; opinions, joint: what the team agreed on, by [board] fusion. All on the same samples: each robot at"
-    " each whole second.",
+    " where boards keep a joint; opinions, joint: what the team agreed on, by [board] fusion; ideal: what one"
+    " extended Kalman filter believes that has the readings of all robots, but for sightings without a name. All on the same samples:"
+    " each robot at each whole second.",
     "50/90/95 %: share of samples whose highest-density region of that mass holds the truth (the cells on its border count in part,"
     " as far as the mass needs them), with a 95 % Wilson interval. It"
     f" assumes that blocks of {BLOCK:g} s of the whole team share errors with their neighbours at most, and nothing about samples in"
@@ -43,12 +46,12 @@ DEFINITIONS = (
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a protocol: its samples, and the world's scorecard."""
+    """One run of a protocol: its samples, and the world's scorecard where a team ran."""
 
     protocol: str
-    fusion: str  # one of FUSIONS
+    fusion: str  # one of RUNS
     samples: Sequence[Sample]
-    card: Mapping[str, Any]
+    card: Mapping[str, Any] | None  # None: of the ideal, which is no team
     asked_ticks: int
     recording: str  # its folder
     start: float | None  # Unix time; None: the first second that all files cover
@@ -56,7 +59,7 @@ class Run:
     @property
     def complete(self) -> bool:
         """Whether it reached its last tick."""
-        return bool(self.card["ticks"] == self.asked_ticks)
+        return self.card is None or bool(self.card["ticks"] == self.asked_ticks)
 
 
 def coverage(samples: Sequence[Sample], level: int) -> Estimate:
@@ -133,13 +136,13 @@ def objects(run: Run) -> Iterator[tuple[str, Sample]]:
 
 def together(name: str, runs: Sequence[Run]) -> Run:
     """Runs of several protocols with one fusion, at least one, under the name of their family."""
-    first = runs[0]
-    card = {
+    first, cards = runs[0], {run.protocol: run.card for run in runs if run.card is not None}
+    card = first.card and {
         **first.card,
-        "verdict": "PASS" if all(run.card["verdict"] == "PASS" for run in runs) else "FAIL",
-        "reasons": [f"{run.protocol}: {reason}" for run in runs for reason in run.card["reasons"]],
-        "ticks": sum(run.card["ticks"] for run in runs),
-        "wall_s": sum(run.card["wall_s"] for run in runs),
+        "verdict": "PASS" if all(card["verdict"] == "PASS" for card in cards.values()) else "FAIL",
+        "reasons": [f"{protocol}: {reason}" for protocol, card in cards.items() for reason in card["reasons"]],
+        "ticks": sum(card["ticks"] for card in cards.values()),
+        "wall_s": sum(card["wall_s"] for card in cards.values()),
     }
     samples = [sample for run in runs for sample in run.samples]
     return Run(name, first.fusion, samples, card, sum(run.asked_ticks for run in runs), first.recording, first.start)
@@ -171,7 +174,8 @@ def report(runs: Sequence[Run]) -> dict[str, Any]:
                 scores.setdefault(who, {})[way] = measure(part)
         for way, samples in ways(mine, objects).items():
             scores.setdefault(OBJECTS, {})[way] = measure(samples)
-        protocols[name] = {"runs": {run.fusion: _ending(run.card) for run in mine}, "scores": scores}
+        endings = {run.fusion: _ending(run.card) for run in mine if run.card is not None}
+        protocols[name] = {"runs": endings, "scores": scores}
     return {"recording": recording, "start": start, "definitions": list(DEFINITIONS), "protocols": protocols}
 
 

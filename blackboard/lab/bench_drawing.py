@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from blackboard.judge.samples import Sample
 from blackboard.lab import bench
-from blackboard.lab.drawing import BLACK, BLUE, STYLE, VERMILION, save
+from blackboard.lab.comparison import IDEAL
+from blackboard.lab.drawing import BLACK, BLUE, GREEN, STYLE, VERMILION, save
 
 __all__ = ["protocol", "save"]
 
@@ -18,6 +19,7 @@ LINES = {  # way -> colour, line style
     "opinions": (BLUE, "--"),
     "solo (joint)": (GREY, "-."),
     "joint": (VERMILION, "-"),
+    IDEAL: (GREEN, "--"),
 }
 Axis = Any  # of matplotlib, which has no types
 

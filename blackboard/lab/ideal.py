@@ -6,16 +6,20 @@ Kalman filter with the sensor models of the robots.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
 
 from blackboard.config import Scenario
 from blackboard.config.world import WorldSection
+from blackboard.judge.instant import who_saw_landmarks
+from blackboard.judge.samples import Sample, Sampler
 from blackboard.lab.team import played
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.gaussian.drawing import draw
+from blackboard.opinion.grid import Grid
+from blackboard.opinion.scores import Score
 from robot_agent.gaussian.ideal import Ideal, of_noise, of_team
 from sim_world.sensors import FAR, NEAR, vision_sigma
 
@@ -72,6 +76,32 @@ def ideal_beliefs(scenario: Scenario, wanted: Collection[Asked]) -> dict[Asked, 
     for tick in played(scenario):
         best.step(tick.dt, tick.readings)
         for asked in at.get(round(tick.truth.time, 3), ()):
-            moments = best.belief(asked[1])
-            beliefs[asked] = uniform(scenario.grid) if moments is None else draw(scenario.grid, moments)
+            beliefs[asked] = _drawn(best, asked[1], scenario.grid)
     return beliefs
+
+
+def ideal_samples(scenario: Scenario) -> Iterator[Sample]:
+    """What the referee would say of the ideal filter of a scenario if a team agreed on its beliefs; objects once it knows where.
+
+    UserError: a wrong scenario.
+    """
+    best, sampler = ideal(scenario), Sampler()
+    for tick in played(scenario):
+        best.step(tick.dt, tick.readings)
+        sampler.begin_tick(tick.truth, who_saw_landmarks(tick.readings))
+        if not tick.judged:
+            continue
+        places = tick.truth.positions
+        known = [subject for subject in places if subject.startswith("object/") and best.belief(subject) is not None]
+        for robot in (readings.robot for readings in tick.readings):
+            for subject in (f"robot/{robot}", *known):
+                if subject in places:
+                    belief, score = _drawn(best, subject, scenario.grid), Score()
+                    score.add(belief, places[subject])
+                    about = {"sub_team": "", "level": "agreed", "sources": len(tick.readings)}
+                    yield sampler.sample(belief, score, robot, subject, **about)
+
+
+def _drawn(best: Ideal, subject: str, grid: Grid) -> Belief:
+    moments = best.belief(subject)
+    return uniform(grid) if moments is None else draw(grid, moments)

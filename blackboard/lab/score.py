@@ -19,6 +19,8 @@ from blackboard.errors import UserError, extra, writing
 from blackboard.judge.files import ENDINGS, check_table, table_file
 from blackboard.judge.samples import COLUMNS, read_series
 from blackboard.lab import bench
+from blackboard.lab.comparison import IDEAL
+from blackboard.lab.ideal import ideal_samples
 from blackboard.run.flags import OutputFlags, RecordingFlags, TeamFlags
 from blackboard.run.launch import run_scenario
 from blackboard.run.progress import progress
@@ -40,6 +42,8 @@ def score(
     output: OutputFlags = OutputFlags(),
 ) -> int:
     """Run a recorded team in lockstep, once for each protocol and fusion, and score every robot and the team.
+
+    Beside them stands the ideal: one filter with the readings of all robots, for each protocol.
 
     The exit status is 1 if a run did not reach its last tick, else 0 whatever the scores are.
 
@@ -98,27 +102,34 @@ def scenarios(recording: RecordingFlags, seconds: float | None) -> list[tuple[st
     for name in names:
         one = replace(recording, protocol=name).scenario().changed("time", seconds=seconds)
         _ = one.time
-        for fusion in bench.FUSIONS:
+        for fusion in bench.RUNS:
             protocol = one.section("world", WorldSection).protocol
-            chosen.append((protocol, fusion, TeamFlags(fusion=fusion).apply(one)))  # type: ignore[arg-type]
+            run = one if fusion == IDEAL else TeamFlags(fusion=fusion).apply(one)  # type: ignore[arg-type]
+            chosen.append((protocol, fusion, run))
     return chosen
 
 
 def new_runs(recording: RecordingFlags, seconds: float | None, keep: Path | None) -> list[bench.Run]:
-    """Run every protocol and fusion, one after the other, each as processes of its own."""
+    """Run every protocol and fusion, one after the other, each as processes of its own; the ideal in this one."""
     todo = scenarios(recording, seconds)
     finished = []
     with progress("score") as show, _folder(keep) as folder:
-        done, total = 0, sum(one.time.ticks for _, _, one in todo)
+        done, total = 0, sum(one.time.ticks for _, fusion, one in todo if fusion != IDEAL)
         for number, (protocol, fusion, one) in enumerate(todo, 1):
             log.info("run %d of %d: %s, %s", number, len(todo), protocol, fusion)
             series = folder / f"{protocol}-{fusion}.csv"
             series.with_suffix(".json").unlink(missing_ok=True)  # a run counts once this is there
-            _, card = run_scenario(one, _moving(show, done, total), series=series)
+            card = None
+            if fusion == IDEAL:
+                with table_file(series, COLUMNS, "--runs") as write:
+                    for sample in ideal_samples(one):
+                        write(vars(sample))
+            else:
+                _, card = run_scenario(one, _moving(show, done, total), series=series)
+                done += one.time.ticks
             world = one.section("world", WorldSection)
             kept = {"recording": world.dir, "start": world.start, "asked_ticks": one.time.ticks, "card": card}
             _write(series.with_suffix(".json"), json.dumps(kept) + "\n")
-            done += one.time.ticks
             finished.append(_read_run(series))
     return finished
 
@@ -129,7 +140,7 @@ def kept_runs(folder: Path) -> list[bench.Run]:
     UserError: there are none, or they do not belong together.
     """
     names = [*PROTOCOLS, *(name for family in FAMILIES.values() for name in family)]
-    files = [folder / f"{protocol}-{fusion}.csv" for protocol in names for fusion in bench.FUSIONS]
+    files = [folder / f"{protocol}-{fusion}.csv" for protocol in names for fusion in bench.RUNS]
     finished = [_read_run(file) for file in files if file.with_suffix(".json").is_file()]
     if not finished:
         raise UserError(f"--runs {folder}: no runs are kept there; give --mrclam DIR to make some")
@@ -161,7 +172,7 @@ def families(runs: list[bench.Run]) -> list[bench.Run]:
     """For each family of protocols with more than one run: its runs together, by fusion."""
     families = []
     for name, family in FAMILIES.items():
-        for fusion in bench.FUSIONS:
+        for fusion in bench.RUNS:
             mine = [run for run in runs if run.protocol in family and run.fusion == fusion]
             families += [bench.together(name, mine)] if len(mine) > 1 else []
     return families

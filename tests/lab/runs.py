@@ -36,3 +36,8 @@ def run(protocol: str, fusion: str, error: float, **card: object) -> bench.Run:
             samples += [at(time, 9.0, level="solo", **about), at(time, 5.0, level="consensus", **about)]
             samples += [at(time, away, **about), at(time, 7.0, **{**about, "subject": "object/ball"})]
     return bench.Run(protocol, fusion, samples, {**CARD, **card}, 2, "folder", 5.0)
+
+
+def ideal_run(protocol: str, error: float) -> bench.Run:
+    made = run(protocol, "ideal", error)
+    return replace(made, samples=[sample for sample in made.samples if sample.level == "agreed"], card=None)

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from blackboard.judge.intervals import wilson
 from blackboard.judge.samples import Sample
 from blackboard.lab import bench
-from tests.lab.runs import at, run
+from tests.lab.runs import at, ideal_run, run
+from tests.present import present
 
 
 def test_a_block_is_the_half_minute_that_led_to_it() -> None:
@@ -113,6 +114,16 @@ def test_the_tables_have_every_robot_and_way() -> None:
     )
 
 
+def test_the_ideal_is_a_way_and_no_run_of_a_team() -> None:
+    runs = [run("O2_mate1", "joint", 1.0), ideal_run("O2_mate1", 0.1), ideal_run("O2_mate2", 0.3)]
+    report = bench.report([*runs, bench.together("O2_mate", runs[1:])])
+    protocols = report["protocols"]
+    assert list(protocols["O2_mate1"]["scores"]["team"]) == ["solo (joint)", "joint", "ideal"]
+    assert list(protocols["O2_mate1"]["runs"]) == ["joint"]
+    assert (protocols["O2_mate"]["runs"], protocols["O2_mate"]["scores"]["team"]["ideal"]["n"]) == ({}, 8)
+    assert runs[1].complete
+
+
 def test_a_run_that_ended_early_is_not_complete() -> None:
     assert run("A_all", "joint", 1.0).complete
     assert not run("A_all", "joint", 1.0, ticks=1).complete
@@ -141,7 +152,7 @@ def test_the_runs_of_a_family_are_judged_together() -> None:
         for n, (name, verdict, error) in enumerate([("O2_mate1", "PASS", 3.0), ("O2_mate2", "FAIL", 4.0)])
     ]
     both = bench.together("O2_mate", runs)
-    assert (both.protocol, both.card["verdict"], both.asked_ticks) == (
+    assert (both.protocol, present(both.card)["verdict"], both.asked_ticks) == (
         "O2_mate",
         "FAIL",
         sum(r.asked_ticks for r in runs),

@@ -1,16 +1,19 @@
 """The centralised filter: honest where it is told the world's noise, exact against plain linear algebra, and no worse than a team."""
 
+import math
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from blackboard.config import Scenario, load
 from blackboard.judge.intervals import means
+from blackboard.judge.samples import Sample
 from blackboard.lab import comparison
 from blackboard.lab.cases import Case
 from blackboard.lab.estimates import RuleScores
-from blackboard.lab.ideal import ideal, ideal_beliefs
+from blackboard.lab.ideal import ideal, ideal_beliefs, ideal_samples
 from blackboard.lab.parallel import Beside, judge_team
 from blackboard.lab.team import InProcessTeam
 from blackboard.lab.team_cases import agreed_beliefs, first_hand_cases, variant
@@ -22,6 +25,7 @@ from robot_agent.gaussian.ideal import Ideal, of_team
 from robot_agent.gaussian.sensors import simulated
 from sim_world.sources import open_sensor_source
 from tests.present import present
+from tests.sim_world.datasets import write
 
 #: Three robots that see all around themselves on a small grid, so that every object is seen by several.
 SMALL = (
@@ -169,6 +173,34 @@ def test_the_agreed_beliefs_are_those_that_the_referee_scored() -> None:
     card = InProcessTeam(scenario).run()["scores"]["robots"]["agreed"]
     assert (card["n"], card["rmse"]) == (len(wanted), pytest.approx(score.summary()["rmse"]))
     assert card["log_score"] == pytest.approx(score.summary()["log_score"])
+
+
+def test_its_samples_are_those_of_a_recorded_team(tmp_path: Path) -> None:
+    """What a sample says but of the belief is as in the team's run, also where a landmark was seen in a tick that is not judged."""
+    write(tmp_path)
+    scenario = (
+        load("mrclam")
+        .changed("team", sub_teams={"a": ["r1", "r2"]})
+        .changed("world", dir=str(tmp_path), start=1001.0)
+        .changed("time", seconds=3.0, tick=0.5)
+    )
+    samples: list[Sample] = []
+    InProcessTeam(scenario, record=samples.append).run()
+    own = list(ideal_samples(scenario))
+    facts = [
+        [(s.tick, s.time, s.robot, s.subject, s.truth_x, s.truth_y, s.landmark_age) for s in some]
+        for some in (own, (sample for sample in samples if sample.level == "agreed"))
+    ]
+    assert facts[0] == facts[1]
+    assert {age for *_, age in facts[0]} == {0.5, 1.5, 2.5, math.inf}
+    beliefs = ideal_beliefs(scenario, [(s.time, s.subject) for s in own])
+    assert [(s.mean_x, s.mean_y) for s in own] == [tuple(beliefs[s.time, s.subject].mean()) for s in own]
+
+
+def test_an_object_has_samples_once_it_has_been_seen() -> None:
+    blind = SMALL.changed("world", vision={"preset": "camera", "half_angle": 1e-4})
+    by_world = [{s.subject.partition("/")[0] for s in ideal_samples(world)} for world in (SMALL, blind)]
+    assert by_world == [{"robot", "object"}, {"robot"}]
 
 
 def test_cases_ask_by_time_and_subject() -> None:

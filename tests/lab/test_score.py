@@ -14,14 +14,14 @@ from blackboard.errors import UserError
 from blackboard.judge.samples import read_series, series_file
 from blackboard.lab import bench, score
 from blackboard.run.flags import OutputFlags, RecordingFlags
-from tests.lab.runs import CARD, run
+from tests.lab.runs import CARD, ideal_run, run
 
 RECORDING = RecordingFlags("folder", 5.0, "C_blind12")
 
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[Scenario]:
-    """The scenarios that were run, instead of processes that run them."""
+    """The scenarios that teams ran, instead of processes that run them; there is no recording for the ideal either."""
     scenarios: list[Scenario] = []
 
     def fake(
@@ -36,20 +36,22 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[Scenario]:
         return 0, dict(CARD)
 
     monkeypatch.setattr(score, "run_scenario", fake)
+    monkeypatch.setattr(score, "ideal_samples", lambda scenario: iter(ideal_run("x", 0.05).samples))
     return scenarios
 
 
-def test_all_is_every_protocol_with_both_fusions() -> None:
+def test_all_is_every_protocol_with_both_fusions_and_the_ideal() -> None:
     todo = score.scenarios(RecordingFlags("folder", 5.0, "all"), 60.0)
-    assert [(protocol, fusion) for protocol, fusion, _ in todo] == [(p, f) for p in PROTOCOLS for f in bench.FUSIONS]
+    assert [(protocol, fusion) for protocol, fusion, _ in todo] == [(p, f) for p in PROTOCOLS for f in bench.RUNS]
     for protocol, fusion, scenario in todo:
         world = scenario.tables["world"]
         assert (world["protocol"], world["dir"], world["start"]) == (protocol, "folder", 5.0)
-        assert (scenario.board.fusion, scenario.time.seconds, scenario.time.mode) == (fusion, 60.0, "lockstep")
+        assert (scenario.time.seconds, scenario.time.mode) == (60.0, "lockstep")
+        assert fusion in (scenario.board.fusion, "ideal")
 
 
 def test_without_a_protocol_it_is_the_scenarios() -> None:
-    assert [name for name, _, _ in score.scenarios(RecordingFlags("folder"), None)] == ["A_all", "A_all"]
+    assert [name for name, _, _ in score.scenarios(RecordingFlags("folder"), None)] == ["A_all"] * 3
 
 
 def test_no_such_protocol_is_one_line_before_anything_starts(started: list[Scenario]) -> None:
@@ -65,7 +67,11 @@ def test_runs_are_kept_and_judged_again(
     assert score.score(recording=RECORDING, seconds=2.0, runs=kept, output=output) == 0
     first = capsys.readouterr().out
     assert [scenario.board.fusion for scenario in started] == ["opinions", "joint"]
-    assert json.loads(first)["protocols"]["C_blind12"]["scores"]["team"]["joint"]["n"] == 4
+    team = json.loads(first)["protocols"]["C_blind12"]["scores"]["team"]
+    assert [(team[way]["n"], team[way]["max"]) for way in ("joint", "ideal")] == [
+        (4, pytest.approx(0.3)),
+        (4, pytest.approx(0.15)),
+    ]
     assert score.score(runs=kept, output=output) == 0
     assert capsys.readouterr().out == first
     assert len(started) == 2
@@ -92,10 +98,10 @@ def test_the_table_has_a_row_for_each_sample_of_each_run(started: list[Scenario]
         rows = list(csv.DictReader(file))
     names = ("protocol", "way", "tick", "subject", "level", "robot")
     assert len({tuple(row[name] for name in names) for row in rows}) == len(rows)
-    kept = {fusion: read_series(tmp_path / f"C_blind12-{fusion}.csv") for fusion in bench.FUSIONS}
+    kept = {fusion: read_series(tmp_path / f"C_blind12-{fusion}.csv") for fusion in bench.RUNS}
     assert len(rows) == sum(len(samples) for samples in kept.values())
     assert {row["way"] for row in rows if row["level"] == "solo"} == {"solo", "solo (joint)"}
-    for way in bench.FUSIONS:
+    for way in bench.RUNS:
         scores = [float(row["log_score"]) for row in rows if row["way"] == way]
         assert scores == [sample.log_score for sample in kept[way] if sample.level != "solo"]
     score.score(runs=tmp_path, table=tmp_path / "t.jsonl")
@@ -144,6 +150,18 @@ def test_a_run_that_was_interrupted_is_not_judged(
     assert list(json.loads(capsys.readouterr().out)["protocols"]["C_blind12"]["runs"]) == ["opinions"]
 
 
+def test_a_folder_of_before_the_ideal_is_judged_without_it(
+    started: list[Scenario], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    score.score(recording=RECORDING, seconds=2.0, runs=tmp_path)
+    for ending in ("csv", "json"):
+        (tmp_path / f"C_blind12-ideal.{ending}").unlink()
+    capsys.readouterr()
+    assert score.score(runs=tmp_path, output=OutputFlags(as_json=True)) == 0
+    team = json.loads(capsys.readouterr().out)["protocols"]["C_blind12"]["scores"]["team"]
+    assert list(team) == ["solo", "opinions", "solo (joint)", "joint"]
+
+
 def test_runs_of_different_starts_are_not_judged_together(started: list[Scenario], tmp_path: Path) -> None:
     for start, protocol in ((5.0, "A_all"), (6.0, "B_turns")):
         score.score(recording=RecordingFlags("folder", start, protocol), seconds=2.0, runs=tmp_path)
@@ -154,5 +172,5 @@ def test_runs_of_different_starts_are_not_judged_together(started: list[Scenario
 def test_a_family_is_a_run_for_each_object() -> None:
     todo = score.scenarios(RecordingFlags("x", None, "O2_mate"), 10.0)
     assert [(protocol, fusion) for protocol, fusion, _ in todo] == [
-        (f"O2_mate{n}", fusion) for n in range(1, 6) for fusion in bench.FUSIONS
+        (f"O2_mate{n}", fusion) for n in range(1, 6) for fusion in bench.RUNS
     ]

@@ -23,8 +23,8 @@ def share(value: str, digits: int = 2) -> str:
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_a_row_of_the_page_is_what_was_scored(protocol: str) -> None:
-    _, *told = table(page("real-robots.md"), "Protocols and anchors")[protocol][:5]
-    scores = [scored()[protocol, way] for way in ("solo", "opinions", "solo (joint)", "joint")]
+    told = table(page("real-robots.md"), "Protocols")[protocol]
+    scores = [scored()[protocol, way] for way in ("solo", "opinions", "solo (joint)", "joint", "ideal")]
     assert told == [f"{float(row['rmse']):.3f} ({share(row['coverage_95_value'])})" for row in scores]
 
 
@@ -48,5 +48,8 @@ def test_what_the_page_concludes_is_so() -> None:
     ratios = [float(scores[p, "joint"]["rmse"]) / float(scores[p, "opinions"]["rmse"]) for p in PROTOCOLS]
     assert "at least two fifths smaller in every protocol" in text
     assert max(ratios) <= 3 / 5
+    beside = [float(scores[p, "joint"]["rmse"]) / float(scores[p, "ideal"]["rmse"]) for p in PROTOCOLS]
+    assert "It is at most 1 % farther off than the ideal" in text
+    assert max(beside) <= 1.01
     assert f"the team is {float(scores['F_nolm', 'joint']['rmse']):.1f} m off over ten minutes" in text
     assert f"in B_turns r1 is {float(scores['B_turns', 'opinions']['max']):.0f} m off" in text

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from blackboard.judge.samples import read_series, rms_error
 from blackboard.lab.bench import SOLO
+from blackboard.lab.ideal import ideal_samples
 from blackboard.run.flags import RecordingFlags
 from tests.commands import blackboard
 from tests.files import DATASET7, needs_dataset7
@@ -32,6 +34,8 @@ def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
     scores = json.loads(run.stdout)["protocols"]["C_blind12"]["scores"]
     assert list(scores) == ["team", "r1", "r2", "r3", "r4", "r5"]
+    assert {scores["team"][way]["n"] for way in scores["team"]} == {50}
+    assert len(read_series(tmp_path / "C_blind12-ideal.csv")) == 50
     for fusion in ("opinions", "joint"):
         card = json.loads((tmp_path / f"C_blind12-{fusion}.json").read_text())["card"]
         assert card["fusion"] == fusion
@@ -44,11 +48,13 @@ def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
 
 @needs_dataset7
 @pytest.mark.parametrize("protocol", ["A_all", "E_south", "F_nolm", "H_lost12"])
-def test_the_joint_that_the_page_shows_is_the_one_of_today(protocol: str) -> None:
+def test_the_joint_and_the_ideal_that_the_page_shows_are_those_of_today(protocol: str) -> None:
     """Robots' filters and joint without processes, which agree with processes to 1 mm: the page is made anew where this is off."""
     recording = RecordingFlags(mrclam=str(DATASET7), start=1248446200, protocol=protocol)
-    today = recorded(recording.scenario().changed("time", seconds=600.0), Spoil(), after=0.0)
+    scenario = recording.scenario().changed("time", seconds=600.0)
+    today = recorded(scenario, Spoil(), after=0.0)
     assert today.rmse == pytest.approx(float(scored()[protocol, "joint"]["rmse"]), rel=0.05)
+    assert rms_error(ideal_samples(scenario)) == pytest.approx(float(scored()[protocol, "ideal"]["rmse"]), rel=0.01)
 
 
 @pytest.mark.skipif(
