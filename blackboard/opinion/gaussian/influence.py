@@ -1,13 +1,13 @@
 """How far each robot's evidence has moved what the team believes: nobody moves others much farther than an honest robot would.
 
-Beside the estimate x stands, for each robot i, what would be believed if i had said nothing: x - D, with the same gains. Evidence
-of i with the innovation v, its covariance S and the gain K adds K v to D. Evidence of others, whose derivatives are H, leaves
-(I - K H) D of it: they correct what i has moved. This is solution separation (Brown and McBurney, Navigation 34(1), 1987) with shared
-gains, so that a mean for each robot is enough. The innovations of honest evidence are white. So the covariance C of D is known:
-K S K^T is added, and (I - K H) C (I - K H)^T is left. Headings are left out of both.
+Beside the estimate x stands, for each source i, what would be believed without it: x - D, with the same gains. A source is a robot, or
+an object, which stands for all sightings of it. Evidence of i with the innovation v, its covariance S and the gain K adds K v to D.
+Evidence of others, whose derivatives are H, leaves (I - K H) D of it: they correct what i has moved. This is solution separation
+(Brown and McBurney, Navigation 34(1), 1987) with shared gains, so that a mean for each source is enough. The innovations of honest
+evidence are white. So the covariance C of D is known: K S K^T is added, and (I - K H) C (I - K H)^T is left. Headings are left out.
 
-Evidence that moves somebody else's place, so that D is beyond the 99.9 % region of C and farther than before, moves the own places
-of those alone who have moved it (Schmidt 1966).
+Evidence that moves somebody else's place, so that a robot's D is beyond the 99.9 % region of C and farther than before, moves the own
+places of those alone who have moved it (Schmidt 1966).
 """
 
 import math
@@ -32,9 +32,11 @@ MOST = 30_000  # numbers in all C: 19 robots, or 6 and 29 objects; in larger tea
 
 @dataclass
 class Influence(Copyable):
-    """Mutable. Robots are the sources, in the order in which they came; places are x and y of robots and objects."""
+    """Mutable. Places are x and y of robots and objects. Sources are robots, then objects whose sightings have moved robots."""
 
     _sources: list[str] = field(default_factory=list)
+    _robots: int = 0  # sources that are robots
+    _leading: list[str] = field(default_factory=list)  # objects whose sightings have moved robots
     _places: list[str] = field(default_factory=list)
     _moved: Array = field(default_factory=lambda: np.zeros((0, 0)))  # D, shape (sources, 2 places)
     _honest: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))  # C, shape (sources, 2 places, 2 places)
@@ -48,6 +50,12 @@ class Influence(Copyable):
     def drop(self, place: str) -> None:
         """A place is no longer in the joint, or is there for other reasons from now on."""
         self._went.pop(place, None)
+        if place in self._leading:
+            self._leading.remove(place)
+        if place in self._sources[self._robots :]:
+            row = self._sources.index(place)
+            del self._sources[row]
+            self._moved, self._honest = np.delete(self._moved, row, 0), np.delete(self._honest, row, 0)
         if place in self._places:
             at = self._places.index(place)
             keep = np.r_[0 : 2 * at, 2 * at + 2 : 2 * len(self._places)]
@@ -64,7 +72,9 @@ class Influence(Copyable):
 
     def rename(self, old: str, new: str) -> None:
         """A place has another name from now on."""
-        self._places = [new if place == old else place for place in self._places]
+        self._places, self._sources, self._leading = (
+            [new if name == old else name for name in names] for names in (self._places, self._sources, self._leading)
+        )
         self._went = {new if place == old else place: way for place, way in self._went.items()}
 
     def go(self, place: str, way: Array) -> None:
@@ -74,33 +84,35 @@ class Influence(Copyable):
     def _share_of_ways(self, row: int) -> Array:
         """What of the ways that objects went is put down to a robot, shape (2 places,)."""
         norms = np.hypot(self._moved[:, ::2], self._moved[:, 1::2])
-        shares = norms[row] / np.maximum(norms.sum(axis=0), np.finfo(float).tiny)
+        shares = norms[row] / np.maximum(norms[: self._robots].sum(axis=0), np.finfo(float).tiny)
         ways = np.array([self._went.get(place, np.zeros(2)) for place in self._places])
         return np.asarray((shares[:, np.newaxis] * ways).ravel())
 
     def _follow(self, joint: Joint) -> None:
         """Note who has come into the joint and who has gone; where they were when they came counts for nobody."""
         subjects = [block for block in joint.blocks if isinstance(block, str)]
-        robots = [block for block in subjects if joint.blocks[block].stop - joint.blocks[block].start == STATES]
+        robots = [block for block in subjects if _is_robot(joint, block)]
         room = int(math.sqrt(MOST / max(1, len(robots))) / 2)
         places = (
             [*robots, *(block for block in subjects if block not in robots)][:room]
             if self.is_counted(len(robots))
             else []
         )
-        if (robots, places) == (self._sources, self._places):
+        size = 2 * len(places)
+        leading = [block for block in places if block in self._leading]
+        sources = [*robots, *leading][: MOST // max(1, size**2)]
+        if (sources, places) == (self._sources, self._places):
             return
         before = self._sources, self._places, self._moved, self._honest
-        size = 2 * len(places)
-        self._moved, self._honest = np.zeros((len(robots), size)), np.zeros((len(robots), size, size))
+        self._moved, self._honest = np.zeros((len(sources), size)), np.zeros((len(sources), size, size))
         kept = [block for block in places if block in before[1]]
         to, of = pairs_of(places, kept), pairs_of(before[1], kept)
-        for row, robot in enumerate(robots):
-            if robot in before[0]:
-                old = before[0].index(robot)
+        for row, source in enumerate(sources):
+            if source in before[0]:
+                old = before[0].index(source)
                 self._moved[row, to] = before[2][old, of]
                 self._honest[row][np.ix_(to, to)] = before[3][old][np.ix_(of, of)]
-        self._sources, self._places = robots, places
+        self._robots, self._sources, self._places = len(robots), sources, places
 
     def after(
         self,
@@ -115,6 +127,9 @@ class Influence(Copyable):
 
         What is `expected` is as before any of it; the factor's blocks are in the joint.
         """
+        if only is None:
+            objects = (block for block in factor.jacobians if isinstance(block, str) and not _is_robot(joint, block))
+            self._leading += [block for block in objects if block not in self._leading]
         self._follow(joint)
         rows, spread = joint.indices(self._places, 2).ravel(), expected.spread + factor.noise
         by = np.zeros((len(factor.residual), len(rows)))
@@ -129,23 +144,26 @@ class Influence(Copyable):
         # from both sides alike, or else what rounding adds grows
         left = self._honest - (self._honest @ by.T) @ gain.T
         honest = left - gain @ (by @ left)
-        if robot in self._sources:
-            mine = self._sources.index(robot)
-            moved[mine] = self._moved[mine] + gain @ factor.residual
-            honest[mine] = self._honest[mine] + gain @ spread @ gain.T
+        mine = [
+            row
+            for row, source in enumerate(self._sources)
+            if source == robot or (row >= self._robots and source in factor.jacobians)
+        ]
+        moved[mine] = self._moved[mine] + gain @ factor.residual
+        honest[mine] = self._honest[mine] + gain @ spread @ gain.T
         enter = np.repeat(joint.variances[rows].reshape(-1, 2).sum(axis=1) > KNOWN, 2)
         moved[:, enter], honest[:, enter], honest[:, :, enter] = 0.0, 0.0, 0.0
         return moved, honest
 
     def beyond(self, joint: Joint, after: tuple[Array, Array]) -> set[tuple[str, str]]:
         """Pairs of robot and another place than its own, where its D would leave the region of C and grow."""
-        moved, honest = after
+        moved, honest = (of[: self._robots] for of in after)
         variances = joint.variances[joint.indices(self._places, 2)].mean(axis=1)
         faint = FAINT * variances[:, np.newaxis, np.newaxis] * np.eye(2)
         then = _squared(moved, _blocks(honest) + faint)
         if not (then > FARTHEST).any():
             return set()
-        now = _squared(self._moved, _blocks(self._honest) + faint)
+        now = _squared(self._moved[: self._robots], _blocks(self._honest[: self._robots]) + faint)
         pairs = zip(*np.nonzero(then > np.maximum(FARTHEST, now)), strict=True)
         named = ((self._sources[one], self._places[place]) for one, place in pairs)
         return {(robot, place) for robot, place in named if robot != place}
@@ -154,24 +172,33 @@ class Influence(Copyable):
         """A factor is taken next, which leaves that D and C (`after`)."""
         self._moved, self._honest = after
 
-    def moved(self, robot: str) -> tuple[Array, Array]:
-        """D and C of a robot, shape (2 places,) and (2 places, 2 places). ValueError: it is not in the joint."""
-        row = self._sources.index(robot)
+    def moved(self, source: str) -> tuple[Array, Array]:
+        """D and C of a robot or an object, shape (2 places,) and (2 places, 2 places). ValueError: it is not in the joint."""
+        row = self._sources.index(source)
         return self._moved[row].copy(), self._honest[row].copy()
 
-    def take_back(self, joint: Joint, robot: str, only: str | None = None) -> None:
-        """Undo what a robot's evidence has moved at all places but its own, or at `only` one: means go back, covariances grow."""
+    def take_back(self, joint: Joint, source: str, only: str | None = None, told_by: Collection[str] = ()) -> None:
+        """Undo what a source has moved at all places but its own, or at `only` one: means go back, covariances grow.
+
+        What an object has moved, those have moved no more who told of it.
+        """
         self._follow(joint)
-        if robot not in self._sources:
+        if source not in self._sources:
             return
-        row = self._sources.index(robot)
-        back = np.repeat([place != robot and only in (None, place) for place in self._places], 2)
+        row = self._sources.index(source)
+        back = np.repeat([place != source and only in (None, place) for place in self._places], 2)
         both = back & back[:, np.newaxis]
         rows = joint.indices(self._places, 2).ravel()
         joint.mean[rows] -= np.where(back, self._moved[row] + self._share_of_ways(row), 0.0)
         joint.covariance[np.ix_(rows, rows)] += np.where(both, self._honest[row], 0.0)
+        tellers = [row for row, robot in enumerate(self._sources[: self._robots]) if robot in told_by]
+        self._moved[tellers] -= np.where(back, self._moved[row], 0.0)
         self._moved[row] = np.where(back, 0.0, self._moved[row])
         self._honest[row] = np.where(back | back[:, np.newaxis], 0.0, self._honest[row])
+
+
+def _is_robot(joint: Joint, block: str) -> bool:
+    return bool(joint.blocks[block].stop - joint.blocks[block].start == STATES)
 
 
 def _blocks(matrices: Array) -> Array:

@@ -229,11 +229,11 @@ class TeamState(Copyable):
         return self.majority(observer, subject) == 0 and others.isdisjoint(self.disputes.seeing(subject))
 
     def is_alone(self, observer: str, subject: str) -> bool:
-        """Whether an object that walks, and that others have placed, is seen by one robot alone now."""
+        """Whether an object that walks, and that others have placed without a dispute, is seen by one robot alone now."""
         if not self.walks_as_told(subject) or observer in self.left_out:
             return False
         others = [robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)]
-        return not others and bool(self.vouching(subject, observer))
+        return not others and any(not self.disputes.differing(of, subject) for of in self.vouching(subject, observer))
 
     def walks_as_told(self, subject: str) -> bool:
         """Whether it is a named object of which the team was told that it walks."""

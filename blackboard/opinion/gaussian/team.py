@@ -39,12 +39,14 @@ class TeamJoint(TeamState):
 
     _doubted: frozenset[str] = frozenset()  # who was a tick ago
     _unbelieved: frozenset[tuple[str, str]] = frozenset()  # `_unbelieved_now` of the last tick
+    _disputed: frozenset[str] = frozenset()  # objects that two equally large groups saw at two places a tick ago
 
     def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
         """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing.
 
         Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back. So is what it has moved
-        an object that more robots see elsewhere, or that it alone has led farther than that goes.
+        an object that more robots see elsewhere, or that it alone has led farther than that goes. What an object has moved is taken
+        back where a dispute about it begins.
 
         Degenerate: some evidence leaves no Gaussian that can be kept. The team is in no defined state then.
         """
@@ -60,6 +62,10 @@ class TeamJoint(TeamState):
         for robot, subject in sorted(unbelieved - self._unbelieved):
             self.influence.take_back(self.joint, robot, subject)
         self._unbelieved = unbelieved
+        disputed = {subject: camps for subject in self.disputes.disputed() if (camps := self.disputing(subject))}
+        for subject in sorted(disputed.keys() - self._disputed):
+            self.influence.take_back(self.joint, subject, told_by=frozenset().union(*disputed[subject]))
+        self._disputed = frozenset(disputed)
         return self.tally.verdicts
 
     def _unbelieved_now(self) -> frozenset[tuple[str, str]]:

@@ -77,6 +77,32 @@ def test_who_tells_an_object_aside_of_where_it_was_agreed_leads_it_no_farther_th
     assert moved(team) < step
 
 
+def test_what_a_disputed_object_has_moved_is_taken_back() -> None:
+    """Before, robots stayed where a liar had led them by the object until it was found out."""
+    team, tick, farthest = new_team(), 1, 0.0
+    settle(team, tick, {"robot/r2": HERE})
+    while not team.disputing(BALL):
+        (x, y), farthest, tick = team.marginal(BALL).mean, moved(team), tick + 1
+        settle(team, tick, {"robot/r1": (x + 0.5, y), "robot/r2": HERE}, sure=25.0)
+    assert moved(team) < 0.5 * farthest
+
+
+def test_nobody_has_placed_an_object_for_others_while_it_is_disputed() -> None:
+    """Before, a third robot, which was right, was not believed for a minute: it led the object too far from where the liar had it."""
+    team = of_walks(0.1)
+    for tick in range(1, 10):
+        settle(team, tick, {"robot/r1": HERE, "robot/r2": HERE if tick < 6 else None})
+    assert team.is_alone("robot/r3", BALL) is False  # r1 looks
+    assert team.is_alone("robot/r1", BALL)
+    for tick in range(10, 20):
+        settle(team, tick, {"robot/r1": THERE, "robot/r2": HERE})
+    assert team.disputing(BALL)
+    for tick in range(20, 23):
+        settle(team, tick, {"robot/r3": HERE})
+    assert team.disputes.seeing(BALL) == ["robot/r3"]
+    assert not team.is_alone("robot/r3", BALL)
+
+
 def test_an_object_is_where_two_see_it_and_not_where_a_third_one_does() -> None:
     team = new_team()
     for tick in range(1, TICKS):

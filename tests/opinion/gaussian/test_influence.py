@@ -18,7 +18,7 @@ from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array
 from tests.opinion.gaussian.standing import LIAR, PLACES, SPREAD, says
 
-ROBOTS = ("robot/r1", "robot/r2", "robot/r3")
+ROBOTS, BALL = ("robot/r1", "robot/r2", "robot/r3"), "object/ball"
 TICKS, BEGIN = 10, 3
 BOUND = math.sqrt(FARTHEST * SPREAD)  # no farther than honest sightings move a mate in 999 of 1000 cases
 
@@ -32,6 +32,14 @@ def drawn(rng: np.random.Generator) -> tuple[str, Factor]:
     return str(observer), Factor(rng.normal(size=2), jacobians, np.diag(rng.uniform(0.1, 2.0, 2)))
 
 
+def seen_or_told(rng: np.random.Generator) -> tuple[str, Factor]:
+    """The same, or a sighting of the ball."""
+    robot, factor = drawn(rng)
+    if rng.random() < 0.5:
+        factor = replace(factor, jacobians={robot: -factor.jacobians[robot], BALL: rng.normal(size=(2, 2))})
+    return robot, factor
+
+
 def beginning() -> Joint:
     """Three robots that know where they are, each by itself, and whose headings are no matter."""
     joint = Joint()
@@ -40,15 +48,20 @@ def beginning() -> Joint:
     return joint
 
 
+@pytest.mark.parametrize("source", [LIAR, BALL])
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 10_000))
-def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(seed: int) -> None:
-    rng, joint, influence, others = np.random.default_rng(seed), beginning(), Influence(), beginning().mean
+@given(seed=st.integers(0, 10_000))
+def test_what_a_source_has_moved_is_the_difference_to_the_same_filter_without_it(source: str, seed: int) -> None:
+    """Of a ball: without all sightings of it."""
+    rng, joint, influence = np.random.default_rng(seed), beginning(), Influence()
+    joint.add(BALL, Moments(np.zeros(2), np.eye(2)))
+    others = joint.mean
     begun = Factor(np.zeros(2), {LIAR: np.zeros((2, STATES))}, np.eye(2))
     influence.on_factor(influence.after(joint, LIAR, begun, joint.expected(begun)))
     errors = np.kron(np.ones((2, 2)), joint.covariance)  # of both means
     for _ in range(12):
-        robot, factor = drawn(rng)
+        robot, factor = seen_or_told(rng)
+        is_of_it = source == robot or (source in factor.jacobians and source == BALL)
         h = np.zeros((2, len(joint.mean)))
         for block, rows in factor.jacobians.items():
             h[:, joint.blocks[block]] = rows
@@ -56,16 +69,16 @@ def test_what_a_robot_has_moved_is_the_difference_to_the_same_filter_without_it(
         gain = np.linalg.solve(expected.spread + factor.noise, expected.cross).T
         measured = factor.residual + h @ joint.mean
         left = np.eye(len(joint.mean)) - gain @ h
-        if robot != LIAR:
+        if not is_of_it:
             others = others + gain @ (measured - h @ others)
-        heard = np.kron(np.diag([1.0, float(robot != LIAR)]), left - np.eye(len(left))) + np.eye(2 * len(left))
-        noisy = np.vstack([gain, gain * (robot != LIAR)])
+        heard = np.kron(np.diag([1.0, float(not is_of_it)]), left - np.eye(len(left))) + np.eye(2 * len(left))
+        noisy = np.vstack([gain, gain * (not is_of_it)])
         errors = heard @ errors @ heard.T + noisy @ factor.noise @ noisy.T
         influence.on_factor(influence.after(joint, robot, factor, expected))
         joint.update(factor)
     apart = np.hstack([np.eye(len(others)), -np.eye(len(others))])
-    moved, honest = influence.moved(LIAR)
-    places = [joint.blocks[robot].start + axis for robot in ROBOTS for axis in (0, 1)]
+    moved, honest = influence.moved(source)
+    places = [joint.blocks[block].start + axis for block in (*ROBOTS, BALL) for axis in (0, 1)]
     assert moved == pytest.approx((joint.mean - others)[places], abs=1e-9)
     assert honest == pytest.approx((apart @ errors @ apart.T)[np.ix_(places, places)], abs=1e-9)
 
