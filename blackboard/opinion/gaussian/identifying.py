@@ -77,15 +77,21 @@ def identified(
         chosen |= begin(team, frame, odds, newer)
         newer |= {sighting.subject for sighting in frame}
     used = named | set(chosen) | {sighting.subject for doubt in unclear for _, sighting in doubt}
-    for age in sorted({age for age, _ in doubts}):
-        fresh = [
-            doubt
-            for its_age, doubt in doubts
-            if its_age == age and not used & {sighting.subject for _, sighting in doubt}
-        ]
-        used |= {sighting.subject for doubt in fresh for _, sighting in doubt}
-        unclear += fresh if len(fresh) == 1 and age not in lonely else []
+    unclear += _one_a_frame(doubts, used, lonely)
     return [chosen[subject] for subject in sorted(chosen)]
+
+
+def _one_a_frame(doubts: Sequence[tuple[float, Doubt]], used: set[str], lonely: Collection[float]) -> list[Doubt]:
+    """Of each frame the one doubt about subjects that nothing newer, and none of those `used`, shows; of `lonely` frames none.
+
+    Each doubt has the age of its frame (s). Where a frame has two such doubts it has none.
+    """
+    left = []
+    for age in sorted({age for age, _ in doubts}):
+        fresh = [doubt for its, doubt in doubts if its == age and used.isdisjoint(one.subject for _, one in doubt)]
+        used = used.union(one.subject for doubt in fresh for _, one in doubt)
+        left += fresh if len(fresh) == 1 and age not in lonely else []
+    return left
 
 
 def _apart(
