@@ -160,7 +160,7 @@ def list_members(*, dir: Directory = Path("keys")) -> int:
 
 @app.command
 def watch(*, team: str = "demo", flags: door.ZenohFlags = door.ZenohFlags()) -> int:
-    """Print what the router of a team has denied and denies, who tried it, and how often, until it is interrupted.
+    """Print what the router of a team has denied so far and denies now, who tried it, and how often, until it is interrupted.
 
     Parameters
     ----------

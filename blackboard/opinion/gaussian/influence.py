@@ -180,21 +180,25 @@ class Influence(Copyable):
     def take_back(self, joint: Joint, source: str, only: str | None = None, told_by: Collection[str] = ()) -> None:
         """Undo what a source has moved at all places but its own, or at `only` one: means go back, covariances grow.
 
-        What an object has moved, those have moved no more who told of it.
+        Of an object, `told_by` are who saw it: what it has moved is taken off their D. Where a robot's is undone, no object has moved
+        anything any more, so that nothing is undone twice.
         """
         self._follow(joint)
         if source not in self._sources:
             return
         row = self._sources.index(source)
+        is_robot = row < self._robots
         back = np.repeat([place != source and only in (None, place) for place in self._places], 2)
         both = back & back[:, np.newaxis]
         rows = joint.indices(self._places, 2).ravel()
-        joint.mean[rows] -= np.where(back, self._moved[row] + self._share_of_ways(row), 0.0)
+        way = self._share_of_ways(row) if is_robot else 0.0
+        joint.mean[rows] -= np.where(back, self._moved[row] + way, 0.0)
         joint.covariance[np.ix_(rows, rows)] += np.where(both, self._honest[row], 0.0)
-        tellers = [row for row, robot in enumerate(self._sources[: self._robots]) if robot in told_by]
+        tellers = [] if is_robot else [at for at, robot in enumerate(self._sources[: self._robots]) if robot in told_by]
         self._moved[tellers] -= np.where(back, self._moved[row], 0.0)
-        self._moved[row] = np.where(back, 0.0, self._moved[row])
-        self._honest[row] = np.where(back | back[:, np.newaxis], 0.0, self._honest[row])
+        undone = [row, *range(self._robots, len(self._sources))] if is_robot else [row]
+        self._moved[undone] = np.where(back, 0.0, self._moved[undone])
+        self._honest[undone] = np.where(back | back[:, np.newaxis], 0.0, self._honest[undone])
 
 
 def _is_robot(joint: Joint, block: str) -> bool:

@@ -18,7 +18,7 @@ from blackboard.opinion.gaussian.vehicle import AXES, STATES
 from blackboard.opinion.grid import Array
 from tests.opinion.gaussian.standing import LIAR, PLACES, SPREAD, says
 
-ROBOTS, BALL = ("robot/r1", "robot/r2", "robot/r3"), "object/ball"
+ROBOTS, BALL, CAN = ("robot/r1", "robot/r2", "robot/r3"), "object/ball", "object/can"
 TICKS, BEGIN = 10, 3
 BOUND = math.sqrt(FARTHEST * SPREAD)  # no farther than honest sightings move a mate in 999 of 1000 cases
 
@@ -101,6 +101,37 @@ def test_what_is_taken_back_leaves_others_as_uncertain_as_they_were_without(seed
         assert joint.moments(robot).mean == pytest.approx(before.moments(robot).mean, abs=1e-9)
         assert joint.moments(robot).covariance == pytest.approx(before.moments(robot).covariance, abs=1e-9)
     assert np.linalg.eigvalsh(joint.covariance).min() > -1e-9
+
+
+def seen_by_the_liar() -> tuple[Joint, Influence]:
+    """A ball and a can that the liar alone has seen; the can went a way."""
+    joint, influence = beginning(), Influence()
+    for thing in (BALL, CAN):
+        joint.add(thing, Moments(np.zeros(2), np.eye(2)))
+        seen = Factor(np.ones(2), {LIAR: np.eye(2, STATES), thing: -np.eye(2)}, 0.1 * np.eye(2))
+        influence.on_factor(influence.after(joint, LIAR, seen, joint.expected(seen)))
+        joint.update(seen)
+    influence.go(CAN, np.array([1.0, 0.0]))
+    return joint, influence
+
+
+def test_what_is_taken_back_of_a_robot_is_not_taken_back_again_of_what_it_saw() -> None:
+    """Before, it was, and the way of the can was divided by what robots had moved it, which was nothing then: it flew off."""
+    joint, influence = seen_by_the_liar()
+    influence.take_back(joint, LIAR)
+    before = joint.copy()
+    influence.take_back(joint, BALL)
+    for block in (*set(ROBOTS) - {LIAR}, CAN):
+        assert joint.moments(block).mean == pytest.approx(before.moments(block).mean, abs=1e-9)
+        assert joint.moments(block).covariance == pytest.approx(before.moments(block).covariance, abs=1e-9)
+
+
+def test_an_object_is_not_held_to_have_moved_the_way_that_another_one_went() -> None:
+    joint, influence = seen_by_the_liar()
+    moved, before = influence.moved(BALL)[0], joint.moments(CAN).mean
+    influence.take_back(joint, BALL, told_by=[LIAR])
+    assert moved[-2:].all()
+    assert joint.moments(CAN).mean == pytest.approx(before - moved[-2:], abs=1e-9)
 
 
 def test_what_rounding_adds_does_not_grow_with_the_evidence() -> None:
