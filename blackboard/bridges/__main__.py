@@ -148,8 +148,11 @@ def ros(
         node = names.Node("cop_blackboard", nodes.session_id, domain, clock.now)
         service = RosBridge(name, node, sources, members, space)
         nodes.outlet = node.publishers.get
-        door.say("ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens))
-        run(service, team if nodes is team else TwoRouters(team, nodes), clock, stop)
+        links = team if nodes is team else TwoRouters(team, nodes)
+        ready = partial(
+            door.say, "ready", process="ros", domain=domain, topics=f"/{space}/**", tokens=len(service.tokens)
+        )
+        run(service, links, clock, stop, ready)
     return door.DONE
 
 

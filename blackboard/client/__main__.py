@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -61,8 +62,10 @@ def share(
         service = Share(
             source, team, sub_team=told.sub_team, grid=told.grid, settings=settings, subjects=subjects, every=every
         )
-        door.say("ready", process=VIA + source, team=team, sub_team=told.sub_team, subjects=", ".join(subjects))
-        run(service, link, clock, stop)
+        ready = partial(
+            door.say, "ready", process=VIA + source, team=team, sub_team=told.sub_team, subjects=", ".join(subjects)
+        )
+        run(service, link, clock, stop, ready)
     return door.DONE
 
 

@@ -28,8 +28,14 @@ class Connection(Subscriber, Protocol):
     def send(self, envelope: Envelope) -> None: ...
 
 
-def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[[], bool] = lambda: False) -> None:
-    """Connect the service, and serve until it is done or `stopped`.
+def run(
+    service: Service,
+    link: Connection,
+    clock: UnixClock,
+    stopped: Callable[[], bool] = lambda: False,
+    ready: Callable[[], object] = lambda: None,
+) -> None:
+    """Connect the service, call `ready`, and serve until it is done or `stopped`.
 
     An exception of the service ends nothing: it is counted among the link's counters ("failed_in_loop"), and logged.
     So is another process that speaks under the service's name ("namesakes"), where the service listens to its own status.
@@ -37,6 +43,7 @@ def run(service: Service, link: Connection, clock: UnixClock, stopped: Callable[
     failures, paused_until = Failures(), -math.inf
     namesakes = Namesakes(service.tokens)
     connect(service, link)
+    ready()
     while not (service.done or stopped()):
         now = clock.now()
         due = _due(service, now, paused_until)

@@ -139,12 +139,14 @@ def serve(
     if identity is not None:
         identity.check_tokens(service.tokens)
     with Link(config, name, patience=PATIENCE, stopped=stop, clock=clock) as link:
-        if asks is not None:
-            link.subscribe(asks)  # before the question, so that nothing is missed between the two
-            for envelope in link.get(asks):
+
+        def ready() -> None:
+            # asked once it listens, so that nothing is missed between the two
+            for envelope in link.get(asks) if asks else ():
                 service.receive(envelope, clock.now())
-        say("ready", process=name, tokens=list(service.tokens))
-        run(service, link, clock, stop)
+            say("ready", process=name, tokens=list(service.tokens))
+
+        run(service, link, clock, stop, ready)
         end = clock.now() + linger
         while clock.now() < end and (late := link.receive(0.1)):
             for envelope in late:

@@ -73,11 +73,11 @@ class Echo:
         self.noted = counters
 
 
-def test_it_knows_who_is_there_then_listens_then_tells_that_it_is_there() -> None:
+def test_it_knows_who_is_there_then_listens_then_tells_that_it_is_there_and_is_ready() -> None:
     clock = ManualClock()
     post = Post(clock)
-    run(Echo(1.0, 0), post, clock)
-    assert post.declared == ["watch w", "listen a", "listen b", "token t"]
+    run(Echo(1.0, 0), post, clock, ready=lambda: post.declared.append("ready"))
+    assert post.declared == ["watch w", "listen a", "listen b", "token t", "ready"]
 
 
 def test_it_answers_wakes_in_time_and_ends_when_done() -> None:
