@@ -1,9 +1,9 @@
 """An object that rolls, and is stopped, pushed or thrown back: a bank of constant velocities, judged by its sightings.
 
 An interacting multiple-model estimator (Blom and Bar-Shalom, IEEE TAC 33(8), 1988). Each member is a Kalman filter of place and
-velocity, whose velocity does a random walk of its own. What rolls freely is the calmest member's, what bounces the wildest one's.
-How often things of a kind go over from one member to another is learned by online EM, with counts that later sightings correct
-(Mongillo and Deneve, Neural Computation 20(7), 2008).
+velocity, whose velocity does a random walk of its own, and is forgotten as that goes on. What rolls freely is the calmest member's,
+what bounces the wildest one's. How often things of a kind go over from one member to another is learned by online EM, with counts
+that later sightings correct (Mongillo and Deneve, Neural Computation 20(7), 2008).
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ STAY = 5.0  # seconds, in the mean, until an object goes over to another member
 FEW, MANY = (10.0, 1000.0)
 #: Prior of `Habits.transitions`: half a transition from each member to each other one (Jeffreys), at the rate that `STAY` says.
 ASSUMED = 0.5 * (1.0 + (STAY * (len(WILDNESS) - 1) - 1.0) * np.eye(len(WILDNESS)))
+#: No velocity walks faster (1 / s), over the square of an unknown one: the wildest of a thing without a name, as first assumed.
+ABRUPT = (WILDNESS[-1] / FAST) ** 2
 PLACE, VELOCITY = slice(0, 2), slice(2, 4)
 
 
@@ -113,14 +115,10 @@ class Rolling:
         apart = self.means[:, np.newaxis] - means
         covariances = np.einsum("ij,ikl->jkl", shares, self.covariances)
         covariances += np.einsum("ij,ijk,ijl->jkl", shares, apart, apart)
-        step = np.eye(4) + dt * np.eye(4, k=2)
-        walk = np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.eye(2))
-        noise = np.square(WILDNESS * self.told)[:, np.newaxis, np.newaxis] * walk
-        covariances = step @ covariances @ step.T + noise
-        known = np.minimum(1.0, self.fastest**2 / covariances[:, VELOCITY, VELOCITY].max(axis=(1, 2)))
-        shrunk = np.repeat([np.ones_like(known), known], 2, axis=0).T  # of a velocity that is as good as forgotten
-        means = means @ step.T * shrunk
-        covariances = covariances * shrunk[:, :, np.newaxis] * shrunk[:, np.newaxis, :]
+        walks = np.minimum(np.square(WILDNESS * self.told), ABRUPT * self.fastest**2)
+        step, noise = _forgotten(walks, self.fastest, dt)
+        means = np.einsum("kij,kj->ki", step, means)
+        covariances = step @ covariances @ step.swapaxes(1, 2) + noise
         return replace(self, weights=weights, means=means, covariances=covariances, histories=histories)
 
     def expected(self, seen: Moments) -> tuple[float, Array]:
@@ -141,6 +139,31 @@ class Rolling:
         covariances = 0.5 * (covariances + covariances.swapaxes(1, 2))
         weights = np.maximum(self.expected(at)[1], 1e-9)
         return replace(self, weights=weights / weights.sum(), means=means, covariances=covariances)
+
+
+def _forgotten(walks: Array, fastest: float, dt: float) -> tuple[Array, Array]:
+    """How place and velocity pass `dt` seconds, and the covariance that they gain; both of shape (k, 4, 4).
+
+    An Ornstein-Uhlenbeck velocity (Millefiori, Braca, Bryan and Willett, IEEE TAES 52(5), 2016): it walks by `walks` (unit^2 / s^3),
+    shape (k,), along each axis, and reverts to 0 such that in the long run its sigma is `fastest` (unit / s).
+    """
+    decay = 0.5 * walks / fastest**2 * dt
+    once, twice = _mean_of_fading(decay), _mean_of_fading(2.0 * decay)
+    small = decay < 1e-3  # where the differences below cancel: their series
+    spread = np.where(small, 1 / 3 - decay / 4, (1.0 - 2.0 * once + twice) / np.where(small, 1.0, decay) ** 2)
+    step = np.array([[np.ones_like(decay), dt * once], [np.zeros_like(decay), np.exp(-decay)]])
+    noise = walks * np.array([[dt**3 * spread, 0.5 * (dt * once) ** 2], [0.5 * (dt * once) ** 2, dt * twice]])
+    return _of_both_axes(step), _of_both_axes(noise)
+
+
+def _mean_of_fading(decay: Array) -> Array:
+    """The mean of e^-x for x from 0 to `decay`, of each element."""
+    return np.divide(-np.expm1(-decay), decay, out=np.ones_like(decay), where=decay > 0.0)
+
+
+def _of_both_axes(blocks: Array) -> Array:
+    """(2, 2, k) for place and velocity along one axis, as (k, 4, 4) for x and y."""
+    return np.kron(blocks.transpose(2, 0, 1), np.eye(2))
 
 
 def moved(before: Moments, after: Moments) -> Moments:

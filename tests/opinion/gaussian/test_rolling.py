@@ -96,12 +96,53 @@ SIGHTINGS = st.lists(
 )
 
 
+def exponential(matrix: np.ndarray) -> np.ndarray:
+    """A matrix as an exponent of e: the series of a small part of it, which is squared again and again."""
+    halvings = max(0, math.ceil(math.log2(np.abs(matrix).sum() + 1e-9)) + 4)
+    total, term = np.eye(len(matrix)), np.eye(len(matrix))
+    for n in range(1, 16):
+        term = term @ matrix / 2**halvings / n
+        total = total + term
+    return np.linalg.matrix_power(total, 2**halvings)
+
+
+def passes(walk: float, fastest: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """The step and its noise, both (4, 4), of a velocity that walks so fast and whose sigma is `fastest` in the long run."""
+    rate, noise = np.zeros((4, 4)), np.zeros((4, 4))
+    rate[0, 2] = rate[1, 3] = 1.0
+    rate[2, 2] = rate[3, 3] = -walk / (2 * fastest**2)
+    noise[2, 2] = noise[3, 3] = walk
+    both = exponential(dt * np.block([[-rate, noise], [np.zeros((4, 4)), rate.T]]))
+    step: np.ndarray = both[4:, 4:].T
+    return step, step @ both[:4, 4:]
+
+
+@given(st.floats(0.1, 3.0), st.floats(0.5, 2.0), st.floats(0.0, 60.0))
+@settings(max_examples=60, deadline=None)
+def test_out_of_sight_a_velocity_becomes_any_velocity_and_no_more(told: float, speed: float, dt: float) -> None:
+    """At once or step by step: what was known of it fades, and its sigma goes to that of an unknown one."""
+    seen = Moments(np.zeros(2), SIGMA**2 * np.eye(2))
+    there = Moments(np.array([speed * told, 0.0]), SIGMA**2 * np.eye(2))
+    rolling = Rolling.begun(seen, told).passed(1.0).seen(there)
+    before, after = rolling.moments(), rolling.passed(dt).moments()
+    assert abs(after.mean[2]) <= abs(before.mean[2]) + 1e-9
+    for member in rolling.passed(dt).covariances:
+        assert np.linalg.eigvalsh(member).min() > 0.0
+        widest = rolling.covariances[:, 2, 2].max() + np.ptp(rolling.means[:, 2]) ** 2
+        assert member[2, 2] <= max((8 * told) ** 2, widest) * (1 + 1e-9)
+    for _ in range(200):
+        rolling = rolling.passed(5.0)
+    late = rolling.moments()
+    assert np.hypot(*late.mean[2:]) < 0.05 * np.hypot(*before.mean[2:])
+    assert math.sqrt(late.covariance[2, 2]) == pytest.approx(8 * told, rel=0.05)
+
+
 @given(SIGHTINGS, st.floats(0.05, 2))
 @settings(max_examples=60, deadline=None)
 def test_the_bank_mixes_and_weighs_filters_as_the_textbook_does(
     sightings: list[tuple[float, float, float, float]], drift: float
 ) -> None:
-    """The oracle: one member at a time, without the bound of a velocity that is forgotten."""
+    """The oracle: one member at a time, and time passes by Van Loan's method (IEEE TAC 23(3), 1978)."""
     k = len(WILDNESS)
     rolling = Rolling.begun(Moments(np.zeros(2), np.eye(2)), drift)
     weights, members = (
@@ -111,8 +152,7 @@ def test_the_bank_mixes_and_weighs_filters_as_the_textbook_does(
     for x, y, sigma, dt in sightings:
         rolling = rolling.passed(dt)
         stays = math.exp(-dt / STAY)
-        mixed, step = [], np.eye(4)
-        step[0, 2] = step[1, 3] = dt
+        mixed = []
         after = np.array(
             [sum(weights[i] * (stays if i == j else (1 - stays) / (k - 1)) for i in range(k)) for j in range(k)]
         )
@@ -122,11 +162,8 @@ def test_the_bank_mixes_and_weighs_filters_as_the_textbook_does(
             spread = sum(
                 share * (c + np.outer(m - mean, m - mean)) for share, (m, c) in zip(shares, members, strict=True)
             )
-            walk = np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-            covariance = step @ spread @ step.T + (wild * drift) ** 2 * np.kron(walk, np.eye(2))
-            if max(covariance[2, 2], covariance[3, 3]) > (8 * drift) ** 2:
-                return
-            mixed.append((step @ mean, covariance))
+            step, noise = passes((wild * drift) ** 2, 8 * drift, dt)
+            mixed.append((step @ mean, step @ spread @ step.T + noise))
         at, logs, members = np.array([x, y]), [], []
         for weight, (mean, covariance) in zip(after, mixed, strict=True):
             spread = covariance[:2, :2] + sigma**2 * np.eye(2)
