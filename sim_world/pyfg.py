@@ -101,11 +101,11 @@ class GraphReplay:
 
 
 def _moved(track: RecordedRobot, since: float, until: float) -> Odometry:
-    """The step of a tick by dead reckoning: along the chord, in the direction of half the turn."""
+    """The step of a tick by dead reckoning: along and to the left of the direction of half the turn."""
     times = track.odometry[:, 0]
     (x0, y0, h0), (x1, y1, h1) = (
         [float(np.interp(time, times, column)) for column in track.odometry[:, 1:].T] for time in (since, until)
     )
     middle = (h0 + h1) / 2
-    distance = (x1 - x0) * math.cos(middle) + (y1 - y0) * math.sin(middle)
-    return Odometry(distance=distance, turn=h1 - h0, dt=until - since)
+    (dx, dy), c, s = (x1 - x0, y1 - y0), math.cos(middle), math.sin(middle)
+    return Odometry(distance=c * dx + s * dy, turn=h1 - h0, dt=until - since, aside=c * dy - s * dx)

@@ -1,5 +1,6 @@
 """A recorded team as a factor graph: what is read, what is refused, and a replay that tells nothing too early."""
 
+import cmath
 import math
 from pathlib import Path
 
@@ -109,6 +110,25 @@ def test_a_tick_holds_the_way_and_the_measurements_of_its_time(file: Path) -> No
             (math.cos(0.3 * truth.time), math.sin(0.3 * truth.time)), abs=1e-3
         )
     assert [tick for tick in range(11) if replay.judged(tick)] == [5, 10]
+
+
+def test_a_way_to_the_side_is_told_too(tmp_path: Path) -> None:
+    """Robots that drift, as boats do: all steps together lead where those of the file lead."""
+    steps = [(0.1, 0.05 * math.sin(k), 0.2 * math.cos(k)) for k in range(30)]
+    lines, (x, y, heading) = ["VERTEX_SE2 1000.0 A0 0 0 0"], (0.0, 0.0, 0.0)
+    for k, (dx, dy, turn) in enumerate(steps):
+        c, s = math.cos(heading), math.sin(heading)
+        x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
+        lines.append(f"VERTEX_SE2 {1000.0 + 0.2 * (k + 1)} A{k + 1} {x} {y} {heading}")
+        lines.append(f"EDGE_SE2 {1000.0 + 0.2 * (k + 1)} A{k} A{k + 1} {dx} {dy} {turn} 1e-6 0 0 1e-6 0 1e-6")
+    (tmp_path / "boat.pyfg").write_text("\n".join(lines) + "\n")
+    replay, place, turned = new_replay(tmp_path / "boat.pyfg"), 0j, 0.0
+    for tick in range(31):
+        (reading,) = replay.advance("run", tick)[1]
+        if (step := reading.odometry) is not None:
+            place += complex(step.distance, step.aside) * cmath.exp(1j * (turned + step.turn / 2))
+            turned += step.turn
+    assert (place.real, place.imag, turned) == pytest.approx((x, y, heading), abs=1e-9)
 
 
 def test_where_a_robot_starts_is_told_with_an_error_that_the_seed_draws(file: Path) -> None:
