@@ -162,9 +162,12 @@ def _tracked(card: dict[str, Any]) -> list[str]:
 
 
 def _too_short(card: dict[str, Any]) -> str:
-    """Behind a PASS: of whom nothing can be said of the regions, or next to nothing."""
+    """Behind a PASS: of whom nothing can be said of the regions, or next to nothing; of those who were judged at all."""
     levels = [
-        (f"{group} {level}", honesty) for group, found in card["honesty"].items() for level, honesty in found.items()
+        (f"{group} {level}", honesty)
+        for group, found in card["honesty"].items()
+        for level, honesty in found.items()
+        if card["scores"].get(group, {}).get(level, {}).get("n")
     ]
     short = [row for row, honesty in levels if honesty.get("word") == SHORT]
     wide = [row for row, honesty in levels if (at := honesty["coverage"].get("50")) and at["high"] - at["low"] > WIDE]
@@ -172,11 +175,8 @@ def _too_short(card: dict[str, Any]) -> str:
         f"judged in fewer than {FEWEST} blocks of {BLOCK:g} s": short,
         f"the 95 % interval of their 50 % regions is wider than {100 * WIDE:.0f} points": wide,
     }
-    return "".join(
-        f", but too short to judge the regions of {', '.join(rows)}: {why}"
-        for why, rows in told.items()
-        if rows and card["verdict"] == "PASS"
-    )
+    said = [f"of {', '.join(rows)}: {why}" for why, rows in told.items() if rows and card["verdict"] == "PASS"]
+    return f", but too short to judge the regions {'; and '.join(said)}" if said else ""
 
 
 def _dishonest(card: dict[str, Any]) -> list[str]:

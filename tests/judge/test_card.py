@@ -59,19 +59,31 @@ def test_a_run_that_was_stopped_fails_and_says_why(
 
 
 def test_a_pass_says_whose_regions_were_judged_in_too_few_blocks() -> None:
-    """However long the run was: an object may be found at its end."""
-    honesty = {**JUDGEMENT.honesty, "objects": {"agreed": {"word": "too short", "coverage": {}}}}
-    card = scorecard(replace(RESULT, ticks=300, judgement=replace(JUDGEMENT, honesty=honesty)))
-    line = "PASS, but too short to judge the regions of objects agreed: judged in fewer than 3 blocks of 10 s"
+    """However long the run was: a robot may be found at its end."""
+    few = {"word": "too short", "coverage": {}}
+    card = scorecard(replace(RESULT, ticks=300, judgement=replace(JUDGEMENT, honesty={"robots": {"agreed": few}})))
+    line = "PASS, but too short to judge the regions of robots agreed: judged in fewer than 3 blocks of 10 s"
     assert line in text(card).splitlines()
+
+
+def test_a_pass_says_nothing_of_those_of_whom_there_are_none() -> None:
+    none = {"objects": {"agreed": {"word": "too short", "coverage": {}}}}
+    card = scorecard(replace(RESULT, judgement=replace(JUDGEMENT, honesty=none)))
+    assert card["scores"]["objects"]["agreed"]["n"] == 0
+    assert "PASS" in text(card).splitlines()
 
 
 def test_a_pass_says_whose_interval_is_too_wide_to_judge() -> None:
     wide = {"word": "consistent", "coverage": {"50": {"share": 0.3, "low": 0.03, "high": 0.81}}}
-    card = scorecard(replace(RESULT, judgement=replace(JUDGEMENT, honesty={"objects": {"agreed": wide}})))
-    line = "PASS, but too short to judge the regions of objects agreed: the 95 % interval of their 50 % regions is wider than 50 points"
+    few = {"word": "too short", "coverage": {}}
+    honesty = {"robots": {"agreed": wide, "consensus": few}}
+    card = scorecard(replace(RESULT, judgement=replace(JUDGEMENT, honesty=honesty)))
+    line = (
+        "PASS, but too short to judge the regions of robots consensus: judged in fewer than 3 blocks of 10 s; "
+        "and of robots agreed: the 95 % interval of their 50 % regions is wider than 50 points"
+    )
     assert line in text(card).splitlines()
-    assert "too short" not in text({**card, "verdict": "FAIL"})
+    assert "too short to judge" not in text({**card, "verdict": "FAIL"})
 
 
 def test_the_text_has_units_and_directions_and_a_row_for_each_level_that_was_judged() -> None:
