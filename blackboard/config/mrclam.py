@@ -1,11 +1,14 @@
-"""The text tables of a recording in the MRCLAM format, and its map."""
+"""The text tables of a recording in the MRCLAM format, its map, and a scenario that fits it."""
 
 import math
+import re
 import warnings
 from pathlib import Path
 
 import numpy as np
 
+from blackboard.config import Scenario
+from blackboard.config.extent import grid_around, holds
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Array
 
@@ -18,6 +21,35 @@ def recording_folder(folder: str | Path | None) -> Path:
     if not path.is_dir():
         raise UserError(f"world.dir: no folder {path}; give the folder of a recording in MRCLAM format")
     return path
+
+
+def robots_in(folder: Path) -> list[int]:
+    """The numbers of the robots of a recording, sorted. UserError: there is none."""
+    files = (re.fullmatch(r"Robot([0-9]{1,4})_Odometry\.dat", file.name) for file in folder.iterdir())
+    numbers = sorted(int(file[1]) for file in files if file)
+    if not numbers:
+        raise UserError(
+            f"world.dir: {folder} has no Robot1_Odometry.dat; give the folder of a recording in MRCLAM format"
+        )
+    return numbers
+
+
+def ways_of(folder: Path) -> Array:
+    """Where all robots of a recording have been (m), shape (n, 2). UserError: a file is missing, or a line is corrupt."""
+    ways = [table(folder / f"Robot{number}_Groundtruth.dat", 3)[:, 1:] for number in robots_in(folder)]
+    return np.concatenate(ways)
+
+
+def fitted(scenario: Scenario, folder: Path) -> Scenario:
+    """A scenario with all robots of a recording, and with a grid that holds their ways, if its own does not.
+
+    UserError: a file is missing, or a line is corrupt.
+    """
+    robots, ways = [f"r{number}" for number in robots_in(folder)], ways_of(folder)
+    if len(ways) and not holds(scenario.grid, ways):
+        landmarks = np.array([*surveyed(folder).values()]).reshape(-1, 2)
+        scenario = scenario.changed("grid", **grid_around(np.concatenate([ways, landmarks])))
+    return scenario if set(robots) == set(scenario.team.robots) else scenario.changed("team", sub_teams={"a": robots})
 
 
 def surveyed(folder: Path) -> dict[int, tuple[float, float]]:

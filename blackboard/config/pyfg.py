@@ -21,14 +21,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.config.extent import grid_around
 from blackboard.errors import UserError
 from blackboard.opinion.grid import Array
 
 NUMBERS = {"VERTEX_SE2": 3, "VERTEX_XY": 2, "EDGE_SE2": 9, "EDGE_RANGE": 2, "EDGE_SE2_XY": 5}
 NAMES = {"VERTEX_SE2": 1, "VERTEX_XY": 1, "EDGE_SE2": 2, "EDGE_RANGE": 2, "EDGE_SE2_XY": 2}
 NAME = re.compile(r"([A-Za-z]{1,16})([0-9]{1,12})")
-MARGIN = 2.0  # of the grid around all that is in the file, in its unit (m)
-CELLS = 120  # of the grid along its longer edge
 
 
 class Measured(NamedTuple):
@@ -76,16 +75,13 @@ class FactorGraph:
         places = np.concatenate(
             [track.truth[:, 1:3] for track in self.tracks.values()] + [np.array([*self.points.values()]).reshape(-1, 2)]
         )
-        low, high = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
-        cell = float((high - low).max()) / CELLS
-        shape = [max(2, math.ceil(edge / cell)) for edge in (high - low).tolist()]
         along, across, turn = np.max([track.sigmas for track in self.tracks.values()], axis=0).tolist()
         robot = scenario.tables.get("robot", {})
         odometry = {**robot.get("odometry", {}), "along": along, "across": across, "turn": turn}
         return (
             scenario.changed("world", kind="pyfg", dir=str(self.path))
             .changed("team", sub_teams={"a": sorted(self.tracks)})
-            .changed("grid", shape=shape, cell=cell, origin=low.tolist())
+            .changed("grid", **grid_around(places))
             .changed("time", seconds=float(math.floor(self.last - self.first)))
             .changed("robot", odometry=odometry)
         )

@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from blackboard.config import Scenario, load
-from blackboard.config.mrclam import recording_folder, surveyed
+from blackboard.config.extent import holds
+from blackboard.config.mrclam import fitted, recording_folder, surveyed, ways_of
 from blackboard.config.pyfg import read_graph
 from blackboard.errors import UserError
 from blackboard.faults import without_faults
@@ -55,6 +56,10 @@ class RecordingFlags:
         scenario = load(name or recorded or ("pyfg" if self.pyfg else "demo"))
         if self.pyfg is not None:
             scenario = read_graph(self.pyfg).applied(scenario)
+        if (
+            self.mrclam is not None and (folder := Path(self.mrclam)).is_dir()
+        ):  # whoever reads it says that it is not there
+            scenario = self._fitted(scenario, folder, is_named=name is not None)
         detector = (
             {"anonymous": ["robot", "landmark"] if self.anonymous == "all" else ["robot"]} if self.anonymous else None
         )
@@ -69,6 +74,14 @@ class RecordingFlags:
         about = {"mrclam"} | ({"pyfg"} if self.protocol is None else set())
         if self.given and scenario.tables["world"].get("kind") not in about:
             raise UserError("--start and --protocol are about a recording: name its folder with --mrclam")
+        return scenario
+
+    def _fitted(self, scenario: Scenario, folder: Path, *, is_named: bool) -> Scenario:
+        """Our own scenario fits the recording. What a person named stays, and a warning says what does not fit."""
+        if not is_named:
+            return fitted(scenario, folder)
+        if not holds(scenario.grid, ways_of(folder)):
+            log.warning("[grid] of %s: robots of %s leave it, and are lost there; enlarge it", scenario.name, folder)
         return scenario
 
 

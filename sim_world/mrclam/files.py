@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from blackboard.config.mrclam import recording_folder, surveyed, table
+from blackboard.config.mrclam import recording_folder, robots_in, surveyed, table
 from blackboard.errors import UserError
 from blackboard.opinion.gaussian.vehicle import kinds, wrap
 from blackboard.opinion.grid import Array
@@ -108,13 +108,7 @@ def interpolated(poses: Array, time: float) -> tuple[float, float, float] | None
 def read_recording(folder: str | Path | None) -> Recording:
     """Read a folder. UserError: it or a file of it is missing, or a line is corrupt (file and line are named)."""
     path = recording_folder(folder)
-    numbers = sorted(
-        int(m[1]) for f in path.iterdir() if (m := re.fullmatch(r"Robot([0-9]{1,4})_Odometry\.dat", f.name))
-    )
-    if not numbers:
-        raise UserError(
-            f"world.dir: {path} has no Robot1_Odometry.dat; give the folder of a recording in MRCLAM format"
-        )
+    numbers = robots_in(path)
     subjects = {int(barcode): int(subject) for subject, barcode in table(path / "Barcodes.dat", 2)}
     landmarks = surveyed(path)
     tracks, dropped = {}, 0

@@ -1,5 +1,7 @@
 """The shared flags: what each sets in a scenario, what is refused, and that every command has the same ones."""
 
+from pathlib import Path
+
 import pytest
 from cyclopts import App
 
@@ -9,6 +11,7 @@ from blackboard.config import Scenario, load
 from blackboard.config.world import WorldSection
 from blackboard.errors import UserError
 from blackboard.run.flags import RecordingFlags, RunFlags, TeamFlags
+from tests.sim_world.datasets import write
 
 TEAM = Scenario({"team": {"sub_teams": {"a": ["x"], "b": ["y"]}}}, "team.toml")
 
@@ -50,6 +53,25 @@ def test_a_rule_is_for_opinions_unless_a_joint_is_asked_for(flags: TeamFlags, fu
 def test_without_a_recording_the_demo_runs() -> None:
     assert RecordingFlags().scenario().name == load("demo").name
     assert RecordingFlags().scenario("paper").name == load("paper").name
+
+
+def test_the_robots_and_the_arena_are_those_of_the_recording(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The second one drives 12 m along x, our own scenario's arena ends at 6."""
+    ours = load("mrclam").grid
+    write(tmp_path)
+    scenario = RecordingFlags(str(tmp_path)).scenario()
+    assert scenario.team.sub_teams == {"a": ["r1", "r2"]}
+    assert scenario.grid == ours
+    write(tmp_path, until=1120.0)
+    grid = RecordingFlags(str(tmp_path)).scenario().grid
+    for place in ((0.0, 0.0), (12.0, 0.0), (0.0, 1.0), (1.0, 2.0), (-1.0, 0.5)):
+        assert grid.index(place) is not None
+    assert max(grid.shape) <= 121
+    assert not caplog.messages
+    scenario = RecordingFlags(str(tmp_path)).scenario("mrclam")
+    assert (scenario.grid, len(scenario.team.robots)) == (ours, 5)
+    (warning,) = caplog.messages
+    assert warning == f"[grid] of mrclam: robots of {tmp_path} leave it, and are lost there; enlarge it"
 
 
 def test_a_recording_is_replayed() -> None:

@@ -85,6 +85,8 @@ def test_the_door_turns_flags_into_a_scenario(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"world\.dir: .*--mrclam DIR"):
         sim_world("mrclam")
     with pytest.raises(UserError, match=r"team\.sub_teams: .* has no robot r3"):
+        sim_world("mrclam", recording=RecordingFlags(mrclam=str(tmp_path)))
+    with pytest.raises(UserError, match=r"time\.seconds: 600 s reach beyond the recording; use at most 20"):
         sim_world(recording=RecordingFlags(mrclam=str(tmp_path)))
     with pytest.raises(UserError, match=r"world\.protocol"):
         sim_world(recording=RecordingFlags(mrclam=str(tmp_path), protocol="X"))
