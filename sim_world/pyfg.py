@@ -15,7 +15,7 @@ from blackboard.errors import UserError
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Truth
 from blackboard.wire.types import MAX_OPINIONS
-from sim_world.mrclam.files import interpolated
+from sim_world.mrclam.files import LONGEST_GAP, interpolated
 from sim_world.mrclam.replay import stride_of
 from sim_world.world import Streams
 
@@ -58,7 +58,7 @@ class GraphReplay:
 
     def advance(self, run: str, tick: int) -> tuple[Truth, list[Readings]]:
         now = self.start + tick * self.dt
-        poses = {robot: interpolated(self.graph.tracks[robot].truth, now) for robot in self.robots}
+        poses = {robot: _pose(self.graph.tracks[robot], now) for robot in self.robots}
         places = {f"robot/{robot}": pose[:2] for robot, pose in poses.items() if pose is not None}
         headings = {f"robot/{robot}": pose[2] for robot, pose in poses.items() if pose is not None}
         truth = Truth(run=run, tick=tick, time=tick * self.dt, positions=places, headings=headings)
@@ -79,7 +79,7 @@ class GraphReplay:
 
     def _told(self, robot: str, track: RecordedRobot) -> Fix | None:
         """The start that a robot gets, with an error."""
-        pose = interpolated(track.truth, self.start)
+        pose = _pose(track, self.start)
         if pose is None:
             return None
         sigma, turned = self.settings.start_sigma, self.settings.start_heading
@@ -98,6 +98,11 @@ class GraphReplay:
                 )
                 sightings.append(sighting)
         return sightings[-MAX_OPINIONS:]
+
+
+def _pose(track: RecordedRobot, time: float) -> tuple[float, float, float] | None:
+    """The true pose at a time; None outside the file, and in a gap of more than twice the usual time between poses."""
+    return interpolated(track.truth, time, max(LONGEST_GAP, 2.0 * float(np.median(np.diff(track.truth[:, 0])))))
 
 
 def _moved(track: RecordedRobot, since: float, until: float) -> Odometry:

@@ -90,15 +90,15 @@ class Recording:
         return int(match[1])
 
 
-def interpolated(poses: Array, time: float) -> tuple[float, float, float] | None:
-    """The x, y, heading at a time, of rows (time, x, y, heading) in time order; None outside of them and in a gap."""
+def interpolated(poses: Array, time: float, gap: float = LONGEST_GAP) -> tuple[float, float, float] | None:
+    """The x, y, heading at a time, of rows (time, x, y, heading) in time order; None outside of them and in a longer gap (s)."""
     row = int(np.searchsorted(poses[:, 0], time, side="right"))
     if row == 0:
         return None
     t0, x0, y0, h0 = (float(v) for v in poses[row - 1])
     if time == t0:
         return x0, y0, h0
-    if row == len(poses) or poses[row, 0] - t0 > LONGEST_GAP:
+    if row == len(poses) or poses[row, 0] - t0 > gap:
         return None
     t1, x1, y1, h1 = (float(v) for v in poses[row])
     part = (time - t0) / (t1 - t0)

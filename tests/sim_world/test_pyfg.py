@@ -131,6 +131,17 @@ def test_a_way_to_the_side_is_told_too(tmp_path: Path) -> None:
     assert (place.real, place.imag, turned) == pytest.approx((x, y, heading), abs=1e-9)
 
 
+def test_robots_whose_poses_are_a_second_apart_start_somewhere_and_are_judged(tmp_path: Path) -> None:
+    lines = [f"VERTEX_SE2 {1000.3 + k} A{k} {0.2 * k} 0 0" for k in range(21)]
+    lines += [f"EDGE_SE2 {1001.3 + k} A{k} A{k + 1} 0.2 0 0 1e-6 0 0 1e-6 0 1e-6" for k in range(20)]
+    (tmp_path / "slow.pyfg").write_text("\n".join(lines) + "\n")
+    replay = new_replay(tmp_path / "slow.pyfg")
+    first, *later = [replay.advance("run", tick) for tick in range(50)]
+    assert first[1][0].fix is not None
+    for truth, _ in later:
+        assert truth.positions["robot/A"] == pytest.approx((0.2 * truth.time, 0.0), abs=1e-9)
+
+
 def test_where_a_robot_starts_is_told_with_an_error_that_the_seed_draws(file: Path) -> None:
     def starts(seed: int) -> list[tuple[float, float]]:
         fixes = [r.fix for r in new_replay(file, seed=seed).advance("run", 0)[1]]
