@@ -79,6 +79,7 @@ class FirstHand:
     joint: Joint = field(default_factory=Joint)
     untold: Untold = ALL_TOLD  # its unmeasured motion
     travelled: Motion = field(default_factory=Motion)
+    _newest_motion: Motion = field(default_factory=Motion)  # in the newest tick
     _last: Readings | None = None
     #: Whether the heading is not known from own readings yet. The mean is then the team's: only a place to linearise at.
     _is_lent: bool = False
@@ -128,12 +129,13 @@ class FirstHand:
         if readings.odometry is not None:
             self._unmeasured = 0.0
         self._judge_wheels(at)
-        motion = self._move(readings, at)
+        since = math.inf if self._last is None else readings.time - self._last.time
+        motion = self._move(readings, at).after(self._newest_motion, since)
         moved = None if at is None or not self.known else self._team_moved(at, motion)
         self._lend(moved)
         named = self._named(readings, moved, motion)
         landmarks, others = self._sightings(named, motion.dt)
-        motion = self._with_mishaps(motion, landmarks, readings.fix)
+        motion = self._newest_motion = self._with_mishaps(motion, landmarks, readings.fix)
         prediction = self.belief
         self._unsent.predict(prediction)
         team = None if moved is None else moved.mean
@@ -177,7 +179,7 @@ class FirstHand:
         told = partial(self._places_told, landmarks, fix)
         if self.known and (noise := self.mishaps.judge(self.joint, told, motion)) is not None:
             self._drive(noise)
-            return motion.plus(noise)
+            return replace(motion.plus(noise), before=motion.before)
         return motion
 
     def _take(self, readings: Readings, landmarks: Seen, motion: Motion, linear: Array | None, named: Named) -> None:

@@ -13,6 +13,7 @@ Noise across the way is found only of a robot that nobody described at all: it m
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -97,7 +98,8 @@ class WheelNoise:
         noise = self._variances()
         for span in self.own:
             span.move(own, motion, angle, noise)
-        without = {kind: replace(motion, **{kind: 0.0}) for kind in self.own[0].kinds}
+        nothing: dict[str, dict[str, Any]] = {kind: {kind: 0.0} for kind in self.own[0].kinds}
+        without = {kind: replace(motion, **noiseless) for kind, noiseless in nothing.items()}
         for by_belief in self.believed:
             by_belief.move(motion, without)
 

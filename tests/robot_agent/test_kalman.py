@@ -366,3 +366,20 @@ def test_one_landmark_tells_no_heading_to_a_robot_that_entered_by_its_mates(seed
     assert belief.covariance[HEADING, HEADING] >= 2.0
     off = np.array([*(belief.mean[AXES] - pose[:2]), belief.mean[HEADING] - pose[2]])
     assert off @ np.linalg.solve(belief.covariance[:3, :3], off) <= 16.3, "99.9 %"
+
+
+def test_a_landmark_that_is_told_late_is_seen_from_where_the_robot_was_then() -> None:
+    """Before, the robot had turned all the time as in its last step: off by .16 radians."""
+    robot, place, age = started(), (3.0, 1.0), 0.25
+    headings = [0.0]
+    for step in range(1, 60):
+        turn = 0.1 if step // 3 % 2 else 0.0
+        headings.append(headings[-1] + turn)
+        then = np.interp(step - 10 * age, np.arange(step + 1), headings)
+        seen = sight_of((0.0, 0.0, float(then)), "landmark/6", place, age=age).model_copy(
+            update={"range_sigma": 0.02, "bearing_sigma": 0.005}
+        )
+        told = readings(step, odometry=Odometry(distance=0.0, turn=turn, dt=0.1), sightings=[seen] if step > 3 else [])
+        robot.step(told.model_copy(update={"time": 0.1 * step}))
+        heading = present(robot.belief).mean[HEADING] - headings[-1]
+        assert abs(np.angle(np.exp(1j * heading))) < 0.02, step

@@ -182,13 +182,13 @@ def _stood(states: Array, motions: Sequence[Motion | None], ages: Sequence[float
 def _strayed(sighting: Relative, motion: Motion | None) -> float:
     """Variance, unit ** 2 in each direction, of where a robot was when it was seen outside of the tick of its motion.
 
-    It is taken to have moved then as in the tick, up to `UNSTEADY`. A sighting that is older than its observer's tick, too, is
-    only stamped late.
+    It is taken to have moved then as in the earliest motion that is kept, up to `UNSTEADY`. A sighting that is older than its
+    observer's tick, too, is only stamped late.
     """
     if motion is None or motion.dt <= 0:
         return 0.0
     age = sighting.age + sighting.ahead
-    outside = max(0.0, -age, age - max(motion.dt, sighting.age)) / motion.dt
+    outside = max(0.0, -age, age - max(motion.covered, sighting.age)) / motion.dt
     return outside * (motion.along + motion.across) + (outside * UNSTEADY * motion.way) ** 2
 
 

@@ -168,7 +168,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
         return
     if robot and subject not in heard:
         known = team.known[subject]
-        if not 0.0 <= relative.age + relative.ahead <= known.motion.dt:  # how far it had moved then is not known
+        if not 0.0 <= relative.age + relative.ahead <= known.motion.covered:  # how far it had moved then is not known
             team.tally.silent += 1
             return
         motions = {**motions, subject: known.motion}

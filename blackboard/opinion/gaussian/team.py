@@ -95,7 +95,7 @@ class TeamJoint(TeamState):
             self._take(dt, news)
         for robot, evidence in news.items():
             known = self.known[robot]
-            motion = evidence.travelled.since(known.travelled)
+            motion = evidence.travelled.since(known.travelled).after(known.motion, evidence.time - known.time)
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
             told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance, evidence.camera
             self.known[robot] = Known(known.epoch, *told)
@@ -242,7 +242,8 @@ class TeamJoint(TeamState):
                 continue
             with self.blaming(robot):
                 motion = evidence.travelled.since(known.travelled)
-                motions[robot] = motion.unheard(motion.dt - (known.motion.dt or motion.dt))
+                unheard = motion.unheard(motion.dt - (known.motion.dt or motion.dt))
+                motions[robot] = unheard.after(known.motion, evidence.time - known.time)
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self.forget_errors(dt)

@@ -10,8 +10,8 @@ than told the robot moves. Scales, drift and lag are random walks; bias, slip an
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from operator import add, sub
 from typing import TypeVar
 
@@ -34,6 +34,8 @@ Angle = TypeVar("Angle", float, Array)
 UNSTEADY = 0.5
 LATELY = 2.0  # seconds after which what a robot did says little of what it does
 FLAT = 1e6  # unit ** 2: the variance of a coordinate of which nothing is known
+KEPT, MOST_KEPT = 1.0, 32  # seconds of motions that are kept behind the newest one, and how many of them
+GAP = 1.5  # times its own: a motion that ends so much time after the one before did not follow at once
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,8 @@ class Motion:
     faster: float = 0.0  # unit / s: by how much the speed grew
     quicker: float = 0.0  # radians / s: by how much the rate of the turn grew
     aside: float = 0.0  # unit: to the left, as the odometry has it
+    #: What the robot did before, the newest first, where that is kept (`after`). A sum of motions has none of it.
+    before: tuple[Motion, ...] = field(default=(), repr=False, compare=False, kw_only=True)
 
     @property
     def way(self) -> float:
@@ -83,8 +87,35 @@ class Motion:
         return math.hypot(self.distance, self.aside)
 
     def numbers(self) -> tuple[float, ...]:
-        """All fields, in their order."""
-        return tuple(vars(self).values())
+        """All that adds up, in the order of the fields."""
+        *numbers, _ = vars(self).values()
+        return tuple(numbers)
+
+    @property
+    def covered(self) -> float:
+        """Seconds of it and of what is kept before it."""
+        return self.dt + sum(earlier.dt for earlier in self.before)
+
+    def after(self, earlier: Motion, seconds: float) -> Motion:
+        """The same with what the robot did before, for `KEPT`, if that is known: the `earlier` one ended so many `seconds` before."""
+        if earlier.dt <= 0 or seconds > GAP * self.dt:
+            return replace(self, before=())
+        kept, length = list[Motion](), 0.0
+        for motion in (replace(earlier, before=()), *earlier.before)[:MOST_KEPT]:
+            if length < KEPT:
+                kept.append(motion)
+                length += motion.dt
+        return replace(self, before=tuple(kept))
+
+    def back(self, age: float) -> Iterator[tuple[Motion, float]]:
+        """The motions of its last `age` seconds, the newest first, with the share of each; before all that are kept it did as then."""
+        last = self
+        for earlier in self.before:
+            if age <= last.dt:
+                break
+            yield last, 1.0
+            age, last = age - last.dt, earlier
+        yield last, age / last.dt
 
     def plus(self, later: Motion) -> Motion:
         """Both spans as one; the shape of the way between is lost."""
@@ -223,13 +254,16 @@ def moved_in(state: Array, motion: Motion | None, age: float) -> tuple[Array, fl
 
     Where `age` is negative, it is what the robot will do if it goes on like that, with the other sign.
     """
+    went, turned = np.zeros(2), 0.0
     if motion is None or not age or motion.dt <= 0:
-        return np.zeros(2), 0.0
-    share = age / motion.dt
-    way, turn, aside = (share * part for part in meant(state, motion)[:3])
-    middle = float(state[HEADING]) - turn / 2
-    c, s = math.cos(middle), math.sin(middle)
-    return np.array([way * c - aside * s, way * s + aside * c]), turn
+        return went, turned
+    for piece, share in motion.back(age):
+        way, turn, aside = (share * part for part in meant(state, piece)[:3])
+        middle = float(state[HEADING]) - turned - turn / 2
+        c, s = math.cos(middle), math.sin(middle)
+        went += [way * c - aside * s, way * s + aside * c]
+        turned += turn
+    return went, turned
 
 
 def speed(state: Moments, motion: Motion) -> Moments | None:
