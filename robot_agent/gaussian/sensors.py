@@ -56,6 +56,7 @@ class Wheels:
     turning: float = 0.1  # rad / sqrt(rad): of what is turned
     starting: float = 0.1  # rad per rad/s by which the turn rate changed since the tick before
     way: float = 0.0  # unit / sqrt(unit): of what is driven
+    slip: float = 0.0  # sqrt(s): along and across, share of the speed
     #: Whether somebody gave the noise along the way, of the heading, and across the way. Else it is a guess: the first two may be
     #: half as large, and the last a thousand times as large.
     given: tuple[bool, bool, bool] = (False, True, True)
@@ -81,7 +82,8 @@ class Wheels:
             rise = told.distance / told.dt - before.distance / before.dt
             change = told.turn / told.dt - before.turn / before.dt
         curved, driven = parts_of(told, self.track)
-        along = self.along**2 * time + self.way**2 * abs(told.distance)
+        slipped = (self.slip * math.hypot(told.distance, told.aside)) ** 2 / told.dt if told.dt > 0 else 0.0
+        along = self.along**2 * time + self.way**2 * abs(told.distance) + slipped
         heading = self.heading**2 * time + self.turning**2 * abs(told.turn) + (self.starting * change) ** 2
         distance, turn = told.distance + (self.curved - 1) * curved, told.turn + (self.driven - 1) * driven
         rise *= 1 + (self.curved - 1) * _share(curved, told.distance)
@@ -89,7 +91,7 @@ class Wheels:
         distance -= self.lag * rise
         turn -= self.lag * change
         turn += self.drift * told.dt if moving else 0.0
-        across = self.across**2 * time if told.distance_sigma is None else 0.0
+        across = self.across**2 * time + slipped if told.distance_sigma is None else 0.0
         if told.curved is None:  # when within the step the robot turned is unknown, and so is the direction of its way
             across += (self.bends * change * told.dt * told.distance) ** 2
         if told.aside:  # the noise of a way to the side is that of the same way ahead

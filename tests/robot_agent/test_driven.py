@@ -18,7 +18,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
-from robot_agent.driven import PIECES, Driven, SinceStep, driven, sensors_in
+from robot_agent.driven import PIECES, UNKNOWN_WHEELS, Driven, SinceStep, driven, sensors_in
 from robot_agent.gaussian.sensors import Wheels
 from tests.present import present
 from tests.robot_agent.services import NOW, clock, kinds
@@ -142,6 +142,16 @@ def test_a_turn_somewhere_in_a_long_step_leaves_unknown_where_it_leads(pieces: i
         return float(np.linalg.eigvalsh(present(pose).covariance[:2, :2])[-1])
 
     assert (across(0.5) > across(0.0) + 0.03**2) == wider
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.5, 15.0])
+@pytest.mark.parametrize("steps", [1, 20])
+def test_a_robot_that_nobody_described_slips_by_a_share_of_its_speed(speed: float, steps: int) -> None:
+    """A toy, an indoor robot and a car; told in one step or in many."""
+    step = Odometry(distance=speed / steps, turn=0.0, dt=1.0 / steps)
+    moved = reduce(Motion.plus, [UNKNOWN_WHEELS.motion(step, None) for _ in range(steps)])
+    for variance in (moved.along, moved.across):
+        assert math.sqrt(variance) == pytest.approx(0.05 * speed, rel=0.1)
 
 
 def test_a_fix_without_a_heading_leaves_the_heading_of_the_one_before() -> None:
