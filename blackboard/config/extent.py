@@ -22,4 +22,6 @@ def grid_around(places: Array) -> dict[str, Any]:
 
 def holds(grid: Grid, places: Array) -> bool:
     """Whether all places, shape (n, 2), are on a grid."""
+    if not len(places):
+        return True
     return all(grid.index(corner) is not None for corner in (places.min(axis=0).tolist(), places.max(axis=0).tolist()))

@@ -46,7 +46,7 @@ def fitted(scenario: Scenario, folder: Path) -> Scenario:
     UserError: a file is missing, or a line is corrupt.
     """
     robots, ways = [f"r{number}" for number in robots_in(folder)], ways_of(folder)
-    if len(ways) and not holds(scenario.grid, ways):
+    if not holds(scenario.grid, ways):
         landmarks = np.array([*surveyed(folder).values()]).reshape(-1, 2)
         scenario = scenario.changed("grid", **grid_around(np.concatenate([ways, landmarks])))
     return scenario if set(robots) == set(scenario.team.robots) else scenario.changed("team", sub_teams={"a": robots})

@@ -72,6 +72,11 @@ def test_the_robots_and_the_arena_are_those_of_the_recording(tmp_path: Path, cap
     assert (scenario.grid, len(scenario.team.robots)) == (ours, 5)
     (warning,) = caplog.messages
     assert warning == f"[grid] of mrclam: robots of {tmp_path} leave it, and are lost there; enlarge it"
+    for robot in (1, 2):  # the world says that these are empty
+        (tmp_path / f"Robot{robot}_Groundtruth.dat").write_text("# nothing\n")
+    assert (
+        RecordingFlags(str(tmp_path)).scenario().grid == RecordingFlags(str(tmp_path)).scenario("mrclam").grid == ours
+    )
 
 
 def test_a_recording_is_replayed() -> None:
