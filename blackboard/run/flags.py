@@ -56,9 +56,8 @@ class RecordingFlags:
         scenario = load(name or recorded or ("pyfg" if self.pyfg else "demo"))
         if self.pyfg is not None:
             scenario = read_graph(self.pyfg).applied(scenario)
-        if (
-            self.mrclam is not None and (folder := Path(self.mrclam)).is_dir()
-        ):  # whoever reads it says that it is not there
+        # where there is no such folder, whoever reads it says so
+        if self.mrclam is not None and (folder := Path(self.mrclam)).is_dir():
             scenario = self._fitted(scenario, folder, is_named=name is not None)
         detector = (
             {"anonymous": ["robot", "landmark"] if self.anonymous == "all" else ["robot"]} if self.anonymous else None

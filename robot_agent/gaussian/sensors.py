@@ -56,7 +56,7 @@ class Wheels:
     turning: float = 0.1  # rad / sqrt(rad): of what is turned
     starting: float = 0.1  # rad per rad/s by which the turn rate changed since the tick before
     way: float = 0.0  # unit / sqrt(unit): of what is driven
-    slip: float = 0.0  # sqrt(s): along and across, share of the speed
+    slip: float = 0.0  # sqrt(s): times the speed, along and across the way
     #: Whether somebody gave the noise along the way, of the heading, and across the way. Else it is a guess: the first two may be
     #: half as large, and the last a thousand times as large.
     given: tuple[bool, bool, bool] = (False, True, True)
