@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 #: and Feng, IEEE Trans. Robotics and Automation 12(6), 1996), and fresh ones that grow with both. Floors differ more than wheels.
 #: That of the way is larger: a wheel's radius from a data sheet, or commands in place of odometry.
 #: Ranges of calibrated cameras and radios are taken to have errors of the same size that last.
-#: Fresh errors of the way are a share of the speed, so that they fit small robots and cars; a turn on the spot has a few mm. Across
+#: Fresh errors of the way are a share of the speed, so that they fit small robots and cars; a turn on the spot adds a few mm. Across
 #: the way they are as large as along it: it may skid.
 UNKNOWN_WHEELS = Wheels(
     Nuisance(sigmas=(0.1, 0.05, 0.003, 0.0, 0.0, 0.05), walks=(0.003, 0.003, 0.0001)),

@@ -102,7 +102,7 @@ class GraphReplay:
 
 def _pose(track: RecordedRobot, time: float) -> tuple[float, float, float] | None:
     """The true pose at a time; None outside the file, and in a gap of more than twice the usual time between poses."""
-    return interpolated(track.truth, time, max(LONGEST_GAP, 2.0 * float(np.median(np.diff(track.truth[:, 0])))))
+    return interpolated(track.truth, time, max(LONGEST_GAP, 2.0 * track.interval))
 
 
 def _moved(track: RecordedRobot, since: float, until: float) -> Odometry:

@@ -15,6 +15,7 @@ import math
 import re
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,6 +50,11 @@ class RecordedRobot:
     #: Of the odometry: along, across, turn, per square root of a second.
     sigmas: tuple[float, float, float] = (0.0, 0.0, 0.0)
     seen: list[Measured] = field(default_factory=list)  # in time order
+
+    @cached_property
+    def interval(self) -> float:
+        """Seconds from a true pose to the next one, the median."""
+        return float(np.median(np.diff(self.truth[:, 0])))
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ class RecordingFlags:
         scenario = load(name or recorded or ("pyfg" if self.pyfg else "demo"))
         if self.pyfg is not None:
             scenario = read_graph(self.pyfg).applied(scenario)
-        # where there is no such folder, whoever reads it says so
+        # a missing folder is reported later, by the world that reads it
         if self.mrclam is not None and (folder := Path(self.mrclam)).is_dir():
             scenario = self._fitted(scenario, folder, is_named=name is not None)
         detector = (
@@ -76,7 +76,7 @@ class RecordingFlags:
         return scenario
 
     def _fitted(self, scenario: Scenario, folder: Path, *, is_named: bool) -> Scenario:
-        """Our own scenario fits the recording. What a person named stays, and a warning says what does not fit."""
+        """Fit our own scenario to the recording. One that a person named stays; a warning says if robots leave its grid."""
         if not is_named:
             return fitted(scenario, folder)
         if not holds(scenario.grid, ways_of(folder)):

@@ -147,7 +147,7 @@ def test_a_turn_somewhere_in_a_long_step_leaves_unknown_where_it_leads(pieces: i
 @pytest.mark.parametrize("speed", [0.1, 0.5, 15.0])
 @pytest.mark.parametrize("steps", [1, 20])
 def test_a_robot_that_nobody_described_slips_by_a_share_of_its_speed(speed: float, steps: int) -> None:
-    """A toy, an indoor robot and a car; told in one step or in many."""
+    """The noise of one second of driving, reported in one step or in many, for the speeds of a toy, an indoor robot and a car."""
     step = Odometry(distance=speed / steps, turn=0.0, dt=1.0 / steps)
     moved = reduce(Motion.plus, [UNKNOWN_WHEELS.motion(step, None) for _ in range(steps)])
     for variance in (moved.along, moved.across):

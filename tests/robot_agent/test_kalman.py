@@ -369,7 +369,7 @@ def test_one_landmark_tells_no_heading_to_a_robot_that_entered_by_its_mates(seed
 
 
 def test_a_landmark_that_is_told_late_is_seen_from_where_the_robot_was_then() -> None:
-    """Before, the robot had turned all the time as in its last step: off by .16 radians."""
+    """A regression: with the last turn extrapolated to the whole age, the error was .16 radians."""
     robot, place, age = started(), (3.0, 1.0), 0.25
     headings = [0.0]
     for step in range(1, 60):

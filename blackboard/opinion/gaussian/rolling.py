@@ -1,7 +1,7 @@
 """An object that rolls, and is stopped, pushed or thrown back: a bank of constant velocities, judged by its sightings.
 
 An interacting multiple-model estimator (Blom and Bar-Shalom, IEEE TAC 33(8), 1988). Each member is a Kalman filter of place and
-velocity, whose velocity does a random walk of its own, and is forgotten as that goes on. What rolls freely is the calmest member's,
+velocity, whose velocity does a random walk of its own and reverts to zero. What rolls freely is the calmest member's,
 what bounces the wildest one's. How often things of a kind go over from one member to another is learned by online EM, with counts
 that later sightings correct (Mongillo and Deneve, Neural Computation 20(7), 2008).
 """
@@ -116,7 +116,7 @@ class Rolling:
         covariances = np.einsum("ij,ikl->jkl", shares, self.covariances)
         covariances += np.einsum("ij,ijk,ijl->jkl", shares, apart, apart)
         walks = np.minimum(np.square(WILDNESS * self.told), ABRUPT * self.fastest**2)
-        step, noise = _forgotten(walks, self.fastest, dt)
+        step, noise = _ornstein_uhlenbeck(walks, self.fastest, dt)
         means = np.einsum("kij,kj->ki", step, means)
         covariances = step @ covariances @ step.swapaxes(1, 2) + noise
         return replace(self, weights=weights, means=means, covariances=covariances, histories=histories)
@@ -141,11 +141,11 @@ class Rolling:
         return replace(self, weights=weights / weights.sum(), means=means, covariances=covariances)
 
 
-def _forgotten(walks: Array, fastest: float, dt: float) -> tuple[Array, Array]:
-    """How place and velocity pass `dt` seconds, and the covariance that they gain; both of shape (k, 4, 4).
+def _ornstein_uhlenbeck(walks: Array, fastest: float, dt: float) -> tuple[Array, Array]:
+    """The transition of place and velocity over `dt` seconds, and the covariance of its noise; both of shape (k, 4, 4).
 
-    An Ornstein-Uhlenbeck velocity (Millefiori, Braca, Bryan and Willett, IEEE TAES 52(5), 2016): it walks by `walks` (unit^2 / s^3),
-    shape (k,), along each axis, and reverts to 0 such that in the long run its sigma is `fastest` (unit / s).
+    The velocity is an Ornstein-Uhlenbeck process (Millefiori, Braca, Bryan and Willett, IEEE TAES 52(5), 2016). It walks by `walks`
+    (unit^2 / s^3), shape (k,), along each axis, and reverts to 0 such that in the long run its sigma is `fastest` (unit / s).
     """
     decay = 0.5 * walks / fastest**2 * dt
     once, twice = _mean_of_fading(decay), _mean_of_fading(2.0 * decay)

@@ -34,7 +34,7 @@ Angle = TypeVar("Angle", float, Array)
 UNSTEADY = 0.5
 LATELY = 2.0  # seconds after which what a robot did says little of what it does
 FLAT = 1e6  # unit ** 2: the variance of a coordinate of which nothing is known
-KEPT, MOST_KEPT = 1.0, 32  # seconds of motions that are kept behind the newest one, and how many of them
+KEPT, MOST_KEPT = 1.0, 32  # how many seconds of motions before the newest one are kept, and how many motions
 GAP = 1.5  # times its own: a motion that ends so much time after the one before did not follow at once
 
 

@@ -1,4 +1,4 @@
-"""Sightings that are told some steps late: both ends stood where they were then, also where one has turned since."""
+"""A sighting that arrives some steps late is used with the poses that both robots had when it was taken."""
 
 import math
 
@@ -42,7 +42,7 @@ def told(robot: str, tick: int, travelled: Motion, pose: Moments, *relatives: Re
 
 
 def off(tick: int) -> tuple[float, float]:
-    """How far a turning robot's place and heading are off after a sighting in each step, told late, of a mate that stands."""
+    """Errors of place (unit) and heading (rad) of a robot that turns now and then, and in each step tells a late sighting of a mate."""
     start = Moments(np.zeros(3), np.diag([0.01, 0.01, 0.01]))
     placed = Moments(np.array([*MATE, 0.0]), np.diag([1e-6, 1e-6, 1e-6]))
     team, travelled, poses = TeamJoint(), Motion(), [np.zeros(3)]
@@ -64,7 +64,7 @@ def off(tick: int) -> tuple[float, float]:
 
 
 def test_what_was_seen_before_a_turn_began_does_not_turn_its_observer() -> None:
-    """Before, both ends had gone on as in their last step: off by .3 units and .07 radians."""
+    """A regression: with the last step extrapolated to the whole age, the errors were .3 units and .07 radians."""
     for tick in range(12, 24):
         place, heading = off(tick)
         assert place < 0.005, tick

@@ -303,7 +303,7 @@ def test_the_order_of_arrival_changes_nothing() -> None:
 
 
 def told_of_two(seed: int, between: float) -> tuple[Array, Array]:
-    """What is told of two people who walk until they are `between` apart: sigmas and errors of their places, along one axis."""
+    """Two people walk towards each other until `between` is left: sigmas and errors of their estimated places, along one axis."""
     joint, robots = a_team(seed=seed)
     for tick in range(14):
         half = max(between, 4.0 - 0.5 * tick) / 2
