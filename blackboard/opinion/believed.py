@@ -28,6 +28,7 @@ REMEMBERED = 10.0  # verdicts that count, and independent distances of a contact
 ACCUSED = 1 - 1 / REMEMBERED
 REDEEMED = 0.97  # the same beside a second that speaks for a source: half of a full share is gone after 23 s
 REDEEMED_PAIR = 0.96  # the same beside a verdict for a pair that contradicts: from all against it takes 17 until it counts as agreeing
+UNMET = 60.0  # seconds without a verdict after which a contradiction of two robots is forgotten: one may be gone
 FIRM = 5  # verdicts before they count: coins would fall five times on one side in 3 % of cases
 FEWEST = 2  # who must contradict a robot: of two that contradict each other it is not known which is right
 LEAST_WEIGHT = 0.01  # of an opinion: its sigmas are then ten times as wide

@@ -262,7 +262,10 @@ class TheNewestCounts(Oracle):
 
 
 class NobodyWaits(Oracle):
-    """Once the faults are over, every board goes on settling, one speaks for each sub-team, and every robot counts and hears."""
+    """Once the faults are over, every board goes on settling, one speaks for each sub-team, and every robot counts and hears.
+
+    A robot that has lied is taken back after as many sightings as say so. Until then it may be left out, and a board's status names it.
+    """
 
     sees = (Recovered, Said, Moved, Ended)
 
@@ -272,6 +275,7 @@ class NobodyWaits(Oracle):
         self._ticks: dict[str, set[int]] = defaultdict(set)  # board -> the ticks that it is done with
         self._told: dict[str, set[str]] = defaultdict(set)  # sub-team -> robots of which it was agreed where they are
         self._informed: set[str] = set()  # robots that took back what was agreed
+        self._named: dict[str, set[str]] = {}  # board -> whom its newest status names
         self._speaks: dict[str, set[str]] = defaultdict(set)  # sub-team -> boards that published
 
     def see(self, event: Event) -> None:
@@ -290,6 +294,7 @@ class NobodyWaits(Oracle):
         message = event.message
         if isinstance(message, Status) and message.kind == "board" and message.phase == "agreed":
             self._ticks[event.process].add(message.tick)
+            self._named[event.process] = {dissent.source for dissent in message.dissent}
         elif isinstance(message, Consensus) and message.level == "agreed":
             self._speaks[message.sub_team].add(event.process)
             kind, _, name = message.subject.partition("/")
@@ -312,7 +317,8 @@ class NobodyWaits(Oracle):
             if unknown:
                 self.breaks(end, f"sub-team {sub_team} does not hear of {unknown[0]}")
         says_all = team.feedback != "off" and team.budget is None  # on a poor link a robot may leave it out
-        deaf = sorted(set(team.robots) - self._informed) if says_all else []
+        out = {name for name in set().union(*self._named.values()) if f"robot/{name}" in self.night.liars}
+        deaf = sorted(set(team.robots) - self._informed - out) if says_all else []
         if deaf:
             self.breaks(end, f"{deaf[0]} takes nothing back")
         return self._broken

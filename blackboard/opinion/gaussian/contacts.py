@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from blackboard.opinion.believed import REMEMBERED, accusers
+from blackboard.opinion.believed import REMEMBERED, UNMET, Pair, accusers
 from blackboard.opinion.chi_squared import GATE, SIGMAS, quantile, wilson_hilferty
 from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.increment import Increment
@@ -83,12 +83,19 @@ class Contact:
 
 @dataclass
 class Contacts(Copyable):
-    """Mutable; `correct` once per robot and tick, then `judge` all things of which robots spoke."""
+    """Mutable; `pass_time` once per tick, `correct` once per robot, then `judge` all things of which robots spoke."""
 
-    _pairs: dict[tuple[str, str], Contact] = field(default_factory=dict)
+    _pairs: dict[Pair, Contact] = field(default_factory=dict)
+    _ages: dict[Pair, float] = field(default_factory=dict)  # seconds since both spoke of one thing
     # robot -> - ln(the share of its first error that is left)
     _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     _reckoned: dict[str, tuple[float, float]] = field(default_factory=dict)  # robot -> variances: reckoned, and in all
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` seconds pass. A robot that is gone accuses nobody for ever."""
+        self._ages = {pair: age + dt for pair, age in self._ages.items()}
+        for pair in [pair for pair, age in self._ages.items() if age > UNMET and self._pairs[pair].contradicts]:
+            del self._pairs[pair], self._ages[pair]
 
     def correct(self, robot: str, belief: Moments, increment: Increment | None) -> None:
         """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place.
@@ -124,6 +131,7 @@ class Contacts(Copyable):
             for i, one in enumerate(names):
                 for other in names[i + 1 :]:
                     self._pairs[one, other] = self._met(one, other, said)
+                    self._ages[one, other] = 0.0
         agreed = [pair for pair, contact in before.items() if not contact.contradicts]
         return {robot for pair in agreed if self._pairs[pair].contradicts for robot in pair}
 

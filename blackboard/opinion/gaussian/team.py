@@ -247,6 +247,8 @@ class TeamJoint(TeamState):
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self.forget_errors(dt)
+        self.trust.pass_time(dt)
+        self.contacts.pass_time(dt)
         self.offsets.pass_time(dt)
         self.freshness.pass_time(dt)
         self.disputes.pass_time(dt)

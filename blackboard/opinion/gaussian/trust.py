@@ -8,21 +8,30 @@ entered at a wrong place. Where two equally large camps contradict each other, n
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-from blackboard.opinion.believed import ACCUSED, FEWEST, REDEEMED_PAIR, Pair, Verdicts, accusers, camps_of
+from blackboard.opinion.believed import ACCUSED, FEWEST, REDEEMED_PAIR, UNMET, Pair, Verdicts, accusers, camps_of
 from blackboard.opinion.gaussian.copying import Copyable
 
 
 @dataclass
 class Trust(Copyable):
-    """Mutable; `judge` once per relative belief, in the order in which they are settled."""
+    """Mutable; `pass_time` once per tick, `judge` once per relative belief, in the order in which they are settled."""
 
     _pairs: dict[tuple[str, str], Verdicts] = field(default_factory=dict)  # observer and subject
+    _ages: dict[tuple[str, str], float] = field(default_factory=dict)  # of pairs of robots: seconds since a verdict
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` seconds pass. A robot that is gone accuses nobody for ever; what was seen of an object stays as long as that."""
+        self._ages = {pair: age + dt for pair, age in self._ages.items() if pair in self._pairs}
+        for pair in [pair for pair, age in self._ages.items() if age > UNMET and self._pairs[pair].against]:
+            del self._pairs[pair], self._ages[pair]
 
     def judge(self, observer: str, subject: str, agrees: bool) -> None:
         """Take a verdict of the gate on what an observer says of a subject."""
         before = self._pairs.get((observer, subject), Verdicts())
         slow = agrees and before.firm and before.against
         self._pairs[observer, subject] = before.plus(not agrees, REDEEMED_PAIR if slow else ACCUSED)
+        if subject.startswith("robot/"):
+            self._ages[observer, subject] = 0.0
 
     def observers(self, subject: str) -> list[str]:
         """Whose sightings of a subject mostly agreed, since it was forgotten."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blackboard.opinion.believed import UNMET
 from blackboard.opinion.gaussian.contacts import CERTAIN
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.relation import Relative
@@ -39,13 +40,19 @@ def moved(relative: Relative, offset: Array) -> Relative:
     return replace(relative, range=float(np.hypot(x, y)), bearing=float(np.arctan2(y, x)))
 
 
-def left_out(lie: Callable[[int], float], seed: int) -> tuple[list[bool], TeamJoint, float]:
-    """For each tick whether the joint leaves the liar out of five robots; the joint; how far off it has the liar at last."""
+def left_out(
+    lie: Callable[[int], float], seed: int, *, ticks: int = 55, leave: int = 0
+) -> tuple[list[bool], TeamJoint, float]:
+    """For each tick whether the joint leaves the liar out of five robots; the joint; how far off it has the liar at last.
+
+    From the tick `leave` on three of the robots are gone.
+    """
     robots, joint, left_out_at = team(5, seed), TeamJoint(), []
-    for tick in range(55):
+    for tick in range(ticks):
+        there = [robot for robot in robots if not 0 < leave <= tick or robot.name in (LIAR, "robot/r0")]
         reports = [
             lying(report, np.array([lie(tick), 0.0])) if report.robot == LIAR else report
-            for report in reports_of(robots, tick)
+            for report in reports_of(there, tick)
         ]
         joint.settle(tick, 1.0, reports)
         left_out_at.append(LIAR not in joint.subjects())
@@ -61,6 +68,29 @@ def test_a_robot_whose_lie_has_ended_is_taken_back_at_its_true_place(size: float
     assert out[30 + WITHIN :] == [False] * (len(out) - 30 - WITHIN)
     assert joint.subjects() == [f"robot/r{k}" for k in range(5)]
     assert off < 1.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_robots_that_are_gone_accuse_nobody_for_ever(seed: int) -> None:
+    out, _, off = left_out(lambda tick: 8.0 if 10 <= tick < 30 else 0.0, seed, ticks=30 + int(UNMET) + 5, leave=30)
+    assert all(out[25:50]), "two of them have accused it"
+    assert not any(out[31 + int(UNMET) :])
+    assert off < 1.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_who_lies_again_after_its_accusers_were_gone_for_long_is_found_out_again(seed: int) -> None:
+    """Its accusers are gone only while it is silent for so long: the first ticks with them are enough."""
+    robots, joint, out = team(5, seed), TeamJoint(), []
+    for tick in range(30 + int(UNMET) + 20):
+        is_silent = 30 <= tick < 32 + int(UNMET)
+        lie = np.array([8.0 if tick >= 10 else 0.0, 0.0])
+        there = [robot for robot in robots if not (is_silent and robot.name == LIAR)]
+        reports = [lying(report, lie) if report.robot == LIAR else report for report in reports_of(there, tick)]
+        joint.settle(tick, 1.0, reports)
+        out.append(LIAR in joint.left_out)
+    assert all(out[20:30])
+    assert all(out[34 + int(UNMET) :])
 
 
 @pytest.mark.parametrize("size", [4.0, 15.0])
