@@ -17,7 +17,7 @@ LOST = 0.1  # share of the grid's cells: who may be on more of them, exp(entropy
 LIKELY_LOST = 0.3  # the probability that a robot is not where the team believes, from which on it is said to be lost
 
 #: Of the worst first.
-KINDS = ("gone", "full disk", "liar", "lost", "refused", "stuck", "moved", "over-confident")
+KINDS = ("gone", "full disk", "liar", "lost", "refused", "stuck", "moved", "jumped", "over-confident")
 OF_PROCESSES = ("gone", "full disk", "refused")  # they outlast a run
 # Of a moment they are nothing to act on: a wide belief between two sightings, one message too late.
 FLEETING = ("lost", "refused")
@@ -100,6 +100,8 @@ def of_robot(name: str, settings: Mapping[str, object]) -> dict[tuple[str, str],
         alarms["moved", name] = (
             f"{name} is not where its wheels led: it was pushed or carried, or its landmarks are wrong"
         )
+    if settings.get("jumped") == 1.0:
+        alarms["jumped", name] = f"{name}'s odometry jumped, so that step counts as unknown: was its frame set anew?"
     return alarms
 
 

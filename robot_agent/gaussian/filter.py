@@ -21,6 +21,7 @@ from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.linearising import linearise
 from blackboard.opinion.gaussian.relation import Relative, forget_biases
+from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.vehicle import (
     ANYWHERE,
     AXES,
@@ -92,6 +93,8 @@ class FirstHand:
     _unsent: Unsent = field(init=False)
     _search: PlaceSearch = field(init=False)
     wheels: WheelNoise = field(init=False)
+    speeds: Speeds = field(default_factory=Speeds)
+    jumped: bool = False  # whether its odometry did in the newest tick
     mishaps: Mishaps = field(init=False)
     camera: CameraNoise = field(default_factory=CameraNoise)
     landmarks: Landmarks = field(init=False)
@@ -269,12 +272,12 @@ class FirstHand:
 
         Of errors that last that is what the team knows, if it has told the robot's whole block: mates see them, too.
         """
-        belief = self.belief
+        belief, jumped = self.belief, {"jumped": 1.0} if self.jumped else {}
         if belief is None:
             return {"moved": 1.0} if self.mishaps.moved else {}
         if not any(self.sensors.wheels.nuisance.sigmas):
-            return {}
-        return findings(team or belief, self.wheels, self.camera, self.absolute, self.mishaps)
+            return jumped
+        return jumped | findings(team or belief, self.wheels, self.camera, self.absolute, self.mishaps)
 
     def silent(self) -> None:
         """The evidence of the newest tick was not sent: what is gained in the next one is gained over what was known before it."""
@@ -343,7 +346,7 @@ class FirstHand:
     def _move(self, readings: Readings, at: Moments | None) -> Motion:
         """Predict with the odometry, and with the unmeasured motion before it, or in place of it."""
         before, told, blind = self._last, readings.odometry, self._blind(readings, at)
-        self._last = readings
+        self._last, self.jumped = readings, False
         if blind != Motion():
             self.wheels.give_up()
         if told is None:
@@ -352,7 +355,7 @@ class FirstHand:
         earlier = None if before is None else before.odometry
         motion = self.sensors.wheels.motion(told, earlier)
         motion = self._learning_from(motion, self.jitter.significance(told))
-        scaled = self.wheels.scaled(motion)
+        scaled = self._doubting_jumps(self.wheels.scaled(motion))
         motion = scaled.plus(blind)
         self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
         heading = self._heading()
@@ -361,6 +364,14 @@ class FirstHand:
             self.wheels.move(self.joint, scaled, heading + wrap(self._heading() - heading) / 2)
             forget_biases(self.joint, motion.dt)
         return motion
+
+    def _doubting_jumps(self, motion: Motion) -> Motion:
+        """The same motion; with noise, if it is hardly one."""
+        if (belief := self.belief) is None:
+            return motion
+        doubted = self.speeds.on_motion(self.robot, motion, motion.dt, belief.covariance)
+        self.jumped = doubted is not motion
+        return doubted
 
     def _heading(self) -> float:
         """Radians; 0 where there is no belief."""

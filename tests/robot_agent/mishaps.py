@@ -1,4 +1,4 @@
-"""A simulated robot that gets stuck, is pushed or is carried away: `python -m tests.robot_agent.mishaps` prints how soon it notices."""
+"""A simulated robot that gets stuck, is pushed or carried away, or whose odometry jumps: `python -m tests.robot_agent.mishaps` prints how soon it notices."""
 
 import math
 import sys
@@ -25,6 +25,8 @@ class Course:
     errors: list[float] = field(default_factory=list)  # unit; NaN without a Gaussian belief
     stuck: list[float] = field(default_factory=list)
     moved: list[float] = field(default_factory=list)
+    jumped: list[float] = field(default_factory=list)
+    sigmas: list[float] = field(default_factory=list)  # unit, of the place
 
     def named(self, name: str) -> int | None:
         """Seconds after the beginning until it was named; None if it never was."""
@@ -45,9 +47,18 @@ def readings(tick: int, way: float, turn: float, sightings: list[Sighting]) -> R
 
 
 def course(
-    seed: int, stuck: int = 0, push: tuple[float, float] = (0.0, 0.0), turn: float = 0.0, misreads: bool = False
+    seed: int,
+    stuck: int = 0,
+    push: tuple[float, float] = (0.0, 0.0),
+    turn: float = 0.0,
+    misreads: bool = False,
+    jump: tuple[float, float] = (0.0, 0.0),
+    blind: int = 0,
 ) -> Course:
-    """A drive of 120 s. From `BEGAN` on the robot is `stuck` for some seconds, or it is shifted by `push` and turned."""
+    """A drive of 120 s. From `BEGAN` on the robot is `stuck` for some seconds, or it is shifted by `push` and turned.
+
+    Or its odometry jumps then, by a way (unit) and a turn (radians), and it sees no landmarks for `blind` seconds.
+    """
     rng, own, course = np.random.default_rng(seed), FirstHand("robot/r1", Sensors()), Course()
     x, y, heading = 0.0, 0.0, 0.0
     for tick in range(121):
@@ -58,7 +69,9 @@ def course(
             heading += turned
         if tick == BEGAN:
             x, y, heading = x + push[0], y + push[1], heading + turn
-        visible = [(n, place) for n, place in enumerate(LANDMARKS) if tick and tick % 3 == n % 3]
+            way, angle = way + jump[0], angle + jump[1]
+        is_blind = BEGAN <= tick < BEGAN + blind or not tick
+        visible = [(n, place) for n, place in enumerate(LANDMARKS) if tick % 3 == n % 3 and not is_blind]
         seen = [_sighting(n, place, x, y, heading, rng, misreads) for n, place in visible]
         own.step(readings(tick, way, angle, seen))
         belief, named = own.belief, own.found()
@@ -66,6 +79,8 @@ def course(
         course.errors.append(error)
         course.stuck.append(named.get("stuck", 0.0))
         course.moved.append(named.get("moved", 0.0))
+        course.jumped.append(named.get("jumped", 0.0))
+        course.sigmas.append(math.nan if belief is None else math.sqrt(np.trace(belief.covariance[:2, :2])))
     return course
 
 
@@ -85,6 +100,10 @@ def main(seeds: int = 20) -> None:
         f"stuck for {seconds} s": ("stuck", {"stuck": seconds}) for seconds in (3, 6, 12)
     }
     cases |= {"pushed by 0.7": ("moved", {"push": (0.5, 0.5)}), "pushed by 2.8": ("moved", {"push": (2.0, 2.0)})}
+    cases |= {
+        "odometry + 17": ("jumped", {"jump": (17.0, 1.0)}),
+        "the same, blind": ("jumped", {"jump": (17.0, 1.0), "blind": 5}),
+    }
     sys.stdout.write(f"{'':<16}{'named':>8}{'after':>8}{'error':>8}{'found':>8}{'after':>8}\n")
     for name, (kind, mishap) in cases.items():
         runs = [course(seed, **mishap) for seed in range(seeds)]

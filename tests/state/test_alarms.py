@@ -156,6 +156,7 @@ def test_a_robot_that_is_refused_for_some_time_is_named_once() -> None:
     [
         ({"stuck": 3.0}, ["stuck"]),
         ({"moved": 1.0}, ["moved"]),
+        ({"jumped": 1.0}, ["jumped"]),
         ({"stuck": 0.0, "moved": 0.0}, []),
         ({"stuck": "x"}, []),
     ],

@@ -26,6 +26,7 @@ from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
+from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
@@ -99,6 +100,7 @@ class TeamState(Copyable):
     strayed: Strayed = field(default_factory=Strayed)
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
+    speeds: Speeds = field(default_factory=Speeds)
     naming: Naming = field(default_factory=Naming)
     tracks: Tracks = field(default_factory=Tracks)
     # Where a board that began earlier has tracks, by their names there.

@@ -243,7 +243,10 @@ class TeamJoint(TeamState):
             with self.blaming(robot):
                 motion = evidence.travelled.since(known.travelled)
                 unheard = motion.unheard(motion.dt - (known.motion.dt or motion.dt))
-                motions[robot] = unheard.after(known.motion, evidence.time - known.time)
+                since = evidence.time - known.time
+                seconds = min(motion.dt, since) if since > 0 else motion.dt
+                pose = self.joint.moments(robot).covariance
+                motions[robot] = self.speeds.on_motion(robot, unheard, seconds, pose).after(known.motion, since)
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self.forget_errors(dt)
