@@ -30,8 +30,11 @@ class Agreed:
 
     @property
     def pose(self) -> Moments | None:
-        """Mean (x, y, heading), shape (3,), and covariance, shape (3, 3), of a robot in a joint; None of anything else."""
-        return pose_of(self.story.state)
+        """Mean (x, y, heading), shape (3,), of a robot in a joint, (x, y), shape (2,), of an object; None of anything else.
+
+        With the covariance. It is exact, where `belief` has cells.
+        """
+        return pose_of(self.story.state or self.story.pose)
 
     @property
     def lost(self) -> float | None:

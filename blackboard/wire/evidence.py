@@ -82,6 +82,15 @@ class PackedState(Part):
         return self
 
 
+class PackedPose(Part):
+    """Where an object is, in the team's frame: finer than the cells of a belief."""
+
+    mean: Point
+    """x and y, in the grid's unit"""
+    covariance: Annotated[tuple[NonNegative, Finite, NonNegative], Listed]
+    """upper triangle"""
+
+
 class PackedVelocity(Part):
     """In the team's frame: along x and y in units per second; of a robot also how fast it turns, radians per second."""
 

@@ -25,6 +25,7 @@ from blackboard.wire.evidence import (
     PackedIncrement,
     PackedMotion,
     PackedNuisance,
+    PackedPose,
     PackedRelative,
     PackedState,
     PackedTrack,
@@ -118,6 +119,12 @@ def pack_state(state: Moments, states: int | None = None) -> PackedState:
     return PackedState(mean=_row(state.mean[:states]), covariance=_upper(state.covariance[:states, :states]))
 
 
+def pack_pose(place: Moments) -> PackedPose:
+    """Mean, shape (2,), and covariance, shape (2, 2), of an object's place."""
+    (x, y), (xx, xy, yy) = _row(place.mean), _upper(place.covariance)
+    return PackedPose(mean=(x, y), covariance=(xx, xy, yy))
+
+
 def pack_velocity(velocity: Moments) -> PackedVelocity:
     """Mean, shape (2,) or (3,), and covariance."""
     return PackedVelocity(mean=_row(velocity.mean), covariance=_upper(velocity.covariance))
@@ -125,8 +132,7 @@ def pack_velocity(velocity: Moments) -> PackedVelocity:
 
 def pack_track(name: str, place: Moments) -> PackedTrack:
     """Mean, shape (2,), and covariance, shape (2, 2), of something of a name."""
-    (x, y), (xx, xy, yy) = _row(place.mean), _upper(place.covariance)
-    return PackedTrack(name=name, mean=(x, y), covariance=(xx, xy, yy))
+    return PackedTrack(name=name, **dict(pack_pose(place)))
 
 
 # --- the wire to ours ------------------------------------------------------------------------------------------------------
@@ -139,17 +145,23 @@ def unpack_state(packed: PackedState) -> Moments:
 
 def unpack_track(packed: PackedTrack) -> Moments:
     """Mean, shape (2,), and covariance, shape (2, 2). Refused: "mass", a covariance that is none."""
+    return _place(packed, packed.name)
+
+
+def _place(packed: PackedPose | PackedTrack, name: str) -> Moments:
     xx, xy, yy = packed.covariance
     if xx * yy < xy * xy:
-        raise Refused("mass", f"{packed.name}: {packed.covariance} is the covariance of no place")
+        raise Refused("mass", f"{name}: {packed.covariance} is the covariance of no place")
     return Moments(np.array(packed.mean), np.array([[xx, xy], [xy, yy]]))
 
 
-def pose_of(packed: PackedState | None) -> Moments | None:
-    """Mean (x, y, heading), shape (3,), and covariance, shape (3, 3), of a robot's block; None without a sound one."""
+def pose_of(packed: PackedState | PackedPose | None) -> Moments | None:
+    """Mean (x, y, heading), shape (3,), of a robot's block, (x, y) of an object's place, and covariance; None without a sound one."""
     if packed is None:
         return None
     with suppress(Refused):
+        if isinstance(packed, PackedPose):
+            return _place(packed, "pose")
         state = unpack_state(packed)
         return Moments(state.mean[POSE], state.covariance[POSE, POSE])
     return None

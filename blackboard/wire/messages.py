@@ -11,7 +11,7 @@ from pydantic import Field
 
 from blackboard.opinion.classes import numbered
 from blackboard.opinion.rules import Outcome
-from blackboard.wire.evidence import Forward, PackedEvidence, PackedState, PackedVelocity, Seen
+from blackboard.wire.evidence import Forward, PackedEvidence, PackedPose, PackedState, PackedVelocity, Seen
 from blackboard.wire.memory import Memory
 from blackboard.wire.names import MAX_FRAME
 from blackboard.wire.raw import MAX_BYTES, MAX_ITEMS
@@ -323,6 +323,8 @@ class Consensus(Message):
     """
     state: PackedState | None = None
     """of a robot in a joint: where the robot's own filter may linearise; no evidence"""
+    pose: PackedPose | None = None
+    """of an object in a joint whose place is known: what `belief` was drawn of"""
     velocity: PackedVelocity | None = None
     """how fast it moves: a robot in a joint that was heard in the last second, or an object that rolls"""
     lost: Annotated[float, Field(ge=0, le=1)] | None = None

@@ -6,19 +6,21 @@ import numpy as np
 import pytest
 
 from blackboard.board.service import BoardService
-from blackboard.client.agreed import Agreed, TeamNews
+from blackboard.client.agreed import Agreed, Newest, TeamNews
 from blackboard.client.member import STANDS, Member
 from blackboard.config import BoardSection
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
-from blackboard.wire.arrays import unpack
+from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Refusal, Report, Solo, Status
 from blackboard.wire.types import Message
 from tests.board.desk import GRID, NOW, WORLD, board_of, clock
+from tests.present import present
 from tests.wire.envelopes import kinds, opened, put
+from tests.wire.messages import AGREED
 
 PLACE = gaussian(GRID, (10, 10), 1.0)
 
@@ -209,3 +211,14 @@ def test_it_hears_what_a_real_board_agrees_on_also_where_a_callback_raises(raise
     ticks = [consensus.tick for consensus in robot.agreed]
     assert ticks == sorted(set(ticks))
     assert unpack(newest.story.belief, GRID).p == pytest.approx(newest.belief.p)
+    assert newest.pose is None  # this board keeps no joint
+
+
+def test_of_an_object_in_a_joint_it_hears_the_place_with_its_covariance() -> None:
+    said = AGREED.model_copy(update={"belief": pack(PLACE)})
+    agreed = present(Newest(GRID).hear_consensus(said, NOW))
+    pose = present(agreed.pose)
+    assert pose.mean.tolist() == [4.25, 3.5]
+    assert pose.covariance.tolist() == [[0.04, 0.01], [0.01, 0.02]]
+    older = present(Newest(GRID).hear_consensus(said.model_copy(update={"pose": None}), NOW))
+    assert older.pose is None

@@ -25,7 +25,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "a75d4a805ab6123498343cbc2c0bd6b8e301c9830326504f143e8e634b6cfc11"
+HASH = "8224435b149797de48563c6cc473a0fe7be41f588f4608f987fa0ddd0c936bc0"
 
 
 def as_json(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:

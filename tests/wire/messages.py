@@ -15,7 +15,7 @@ from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.evidence import Forward, Forwarded, PackedTrack, Seen
+from blackboard.wire.evidence import Forward, Forwarded, PackedPose, PackedTrack, Seen
 from blackboard.wire.gaussians import pack_evidence
 from blackboard.wire.memory import Memory, PackedLearner, PackedMemory, PackedNewest, PackedStanding
 from blackboard.wire.messages import (
@@ -85,6 +85,7 @@ CONSENSUS = Consensus(
     conflict=True,
     rule="cooperative",
     parameters={"k": 2.0},
+    pose=PackedPose(mean=(4.25, 3.5), covariance=(0.04, 0.01, 0.02)),
     unnamed=[UnnamedSighting(source="r1", time=0.6, mark=2, probability=0.995, taken=True)],
 )
 AGREED = CONSENSUS.model_copy(update={"level": "agreed"})

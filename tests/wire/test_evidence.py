@@ -16,9 +16,10 @@ from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance
 from blackboard.wire.codec import decode, encode
-from blackboard.wire.evidence import Forward, PackedCamera, PackedIncrement, PackedState, Seen
+from blackboard.wire.evidence import Forward, PackedCamera, PackedIncrement, PackedPose, PackedState, Seen
 from blackboard.wire.gaussians import (
     pack_evidence,
+    pack_pose,
     pack_state,
     pose_of,
     unpack_increment,
@@ -28,6 +29,7 @@ from blackboard.wire.gaussians import (
     unpack_state,
 )
 from blackboard.wire.types import LARGEST
+from tests.present import present
 from tests.wire.messages import EVIDENCE, FORWARD, STATE, as_map
 
 
@@ -156,6 +158,14 @@ def test_a_pose_is_read_from_a_state_that_is_sound() -> None:
     assert np.array_equal(pose.covariance, np.diag([1.0, 2.0, 3.0]))
     assert pose_of(None) is None
     assert pose_of(PackedState(mean=(0.0,) * 9, covariance=tuple((-np.eye(9))[np.triu_indices(9)]))) is None
+
+
+def test_a_place_is_read_from_a_pose_that_is_sound() -> None:
+    place = Moments(np.array([1.25, -2.0]), np.array([[0.5, 0.1], [0.1, 0.3]]))
+    pose = present(pose_of(pack_pose(place)))
+    assert np.array_equal(pose.mean, place.mean)
+    assert np.array_equal(pose.covariance, place.covariance)
+    assert pose_of(PackedPose(mean=(0.0, 0.0), covariance=(1.0, 5.0, 1.0))) is None
 
 
 def test_scales_by_kind_of_motion_travel_and_a_robot_without_them_sends_none() -> None:

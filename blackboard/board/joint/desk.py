@@ -41,7 +41,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy_of
 from blackboard.wire.arrays import pack
 from blackboard.wire.evidence import Forward, Forwarded, PackedEvidence, PackedState, PackedTrack, PackedVelocity
-from blackboard.wire.gaussians import pack_state, pack_track, pack_velocity
+from blackboard.wire.gaussians import pack_pose, pack_state, pack_track, pack_velocity
 from blackboard.wire.levels import Coding
 from blackboard.wire.messages import Consensus, LeftOut, PackedBelief, Used
 from blackboard.wire.types import MAX_NAME
@@ -213,6 +213,7 @@ class JointDesk:
             learned=learned(self.team.innovations, taken),
             parameters=self._parameters(subject),
             state=self._state(subject),
+            pose=None if subject.startswith("robot/") else pack_pose(now),
             velocity=self._velocity(subject, time),
             lost=self.lost(subject),
             dissent=self.dissent.named(

@@ -80,12 +80,13 @@ def encode(message: Any) -> bytes:
     return bytes(_store().serialize_cdr(message, message.__msgtype__))
 
 
-def pose(belief: Belief, stamp: float, heading: tuple[float, float] | None = None) -> Any:
+def pose(belief: Belief, stamp: float, heading: tuple[float, float] | None = None, place: Moments | None = None) -> Any:
     """A belief's mean and covariance, that of a cell's width included. `heading`: mean and variance, where it is known.
 
     Without it the orientation is that of the frame, with the variance of a heading of which nothing is known.
+    `place`, shape (2,) and (2, 2), is what the belief was drawn of, where that is known: it is told instead.
     """
-    return _make(POSE, header=_header(stamp, belief.grid.frame), pose=_pose_of(belief, heading))
+    return _make(POSE, header=_header(stamp, belief.grid.frame), pose=_pose_of(belief, heading, place))
 
 
 def moving(belief: Belief, stamp: float, child: str, heading: tuple[float, float], velocity: Moments) -> Any:
@@ -321,12 +322,14 @@ def _time(stamp: float) -> Any:
     return _make("builtin_interfaces/msg/Time", sec=seconds, nanosec=min(int((stamp - seconds) * 1e9), 999_999_999))
 
 
-def _pose_of(belief: Belief, heading: tuple[float, float] | None) -> Any:
-    flat = _plane(belief)
-    x, y = (float(value) for value in flat.mean())
+def _pose_of(belief: Belief, heading: tuple[float, float] | None, place: Moments | None = None) -> Any:
+    if place is None:
+        flat = _plane(belief)
+        place = Moments(flat.mean(), flat.covariance() + np.eye(2) * belief.grid.cell**2 / 12)
+    x, y = place.mean.tolist()
     yaw, variance = heading or (0.0, ANY_HEADING)
     covariance = np.zeros((6, 6))
-    covariance[:2, :2] = flat.covariance() + np.eye(2) * belief.grid.cell**2 / 12
+    covariance[:2, :2] = place.covariance
     covariance[5, 5] = min(max(variance, 0.0), ANY_HEADING)
     return _make(
         "geometry_msgs/msg/PoseWithCovariance",

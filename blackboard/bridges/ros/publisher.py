@@ -11,7 +11,7 @@ from blackboard.state.received import Received, read
 from blackboard.state.team import TeamFold
 from blackboard.view.summary import Table, processes
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.gaussians import unpack_state, velocity_of
+from blackboard.wire.gaussians import pose_of, unpack_state, velocity_of
 from blackboard.wire.messages import Consensus
 
 log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class RosPublisher:
             return []
         self._shown[subject] = agreed.tick
         stamp, heading, velocity = _stamp(best), _heading(agreed), velocity_of(agreed.velocity)
-        out = [self._put(f"{topic}/pose", POSE, convert.pose(belief, stamp, heading))]
+        out = [self._put(f"{topic}/pose", POSE, convert.pose(belief, stamp, heading, pose_of(agreed.pose)))]
         if heading is not None and velocity is not None and len(velocity.mean) == MOVING:
             message = convert.moving(belief, stamp, topic, heading, velocity)
             out.append(self._put(f"{topic}/odometry", ODOMETRY, message))

@@ -14,7 +14,7 @@ from blackboard.opinion.gaussian.state import MAX_ERRORS
 from blackboard.opinion.gaussian.vehicle import STATES
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import Forward, Forwarded, PackedVelocity, Seen
-from blackboard.wire.gaussians import pack_evidence, velocity_of
+from blackboard.wire.gaussians import pack_evidence, pose_of, velocity_of
 from robot_agent.config import RobotSection
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import sensors_of
@@ -38,6 +38,14 @@ def test_robots_enter_by_their_states_and_objects_by_their_sightings() -> None:
     assert (ball.rule, ball.state, ball.conflict) == ("joint", None, False)
     assert r1.state is not None
     assert set(r1.ancestors) == {"r1", "r2"}
+
+
+def test_an_object_is_agreed_on_finer_than_the_cells_of_its_belief() -> None:
+    consensuses = settled(new_desk(), 0, r1=at(10, 10, sees=sighting("object/ball", 5.3)))
+    pose = present(pose_of(consensuses["object/ball"].pose))
+    assert pose.mean == pytest.approx((15.3, 10.0), abs=0.01)
+    assert np.linalg.eigvalsh(pose.covariance)[0] > 0.0
+    assert consensuses["robot/r1"].pose is None
 
 
 def test_of_an_unnamed_sighting_a_consensus_says_whose_it_may_be() -> None:

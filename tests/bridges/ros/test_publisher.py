@@ -17,7 +17,7 @@ from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
 from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.gaussians import pack_state, pack_velocity
+from blackboard.wire.gaussians import pack_pose, pack_state, pack_velocity
 from blackboard.wire.messages import Consensus, Status
 from tests.bridges.ros.jazzy import GRID, START, of
 from tests.files import GOLDEN
@@ -47,9 +47,9 @@ def test_each_agreed_belief_is_published_once(taped: tuple[list[Envelope], list[
         poses = of(out, f"demo/{subject}/pose", POSE)
         assert len(poses) == len({consensus.tick for consensus in published})
         last = max(published, key=lambda consensus: consensus.tick)
-        belief = unpack(last.belief)
+        mean = unpack(last.belief).mean() if last.pose is None else last.pose.mean
         at = poses[-1].pose.pose.position
-        assert [at.x, at.y] == pytest.approx(belief.mean().tolist(), abs=1e-6)
+        assert [at.x, at.y] == pytest.approx([*mean], abs=1e-6)
         maps = of(out, f"demo/{subject}/map", MAP)
         assert 1 <= len(maps) <= len(poses)
         assert all(occupancy.data.max() == 100 and occupancy.data.min() >= 0 for occupancy in maps)
@@ -97,6 +97,14 @@ def test_a_robot_that_moves_has_an_odometry_with_its_twist() -> None:
     twist = odometry.twist.twist
     assert [twist.linear.x, twist.linear.y, twist.angular.z] == pytest.approx([2.0, 0.0, 0.5])
     assert np.diag(odometry.twist.covariance.reshape(6, 6)) == pytest.approx([0.04, 0.01, 0, 0, 0, 0.09])
+
+
+def test_an_object_in_a_joint_is_published_finer_than_the_cells_of_its_belief() -> None:
+    place = Moments(np.array([5.3, 4.9]), np.array([[0.04, 0.01], [0.01, 0.02]]))
+    ball = agreed("object/ball", 1).model_copy(update={"pose": pack_pose(place)})
+    (pose,) = of(settle(new_bridge(), [ball]), "t/object/ball/pose", POSE)
+    assert (pose.pose.pose.position.x, pose.pose.pose.position.y) == (5.3, 4.9)
+    assert np.array_equal(pose.pose.covariance.reshape(6, 6)[:2, :2], place.covariance)
 
 
 def test_its_stamps_are_unix_time_though_a_world_has_a_time_of_its_own(
