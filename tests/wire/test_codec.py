@@ -243,6 +243,7 @@ def test_what_this_process_wrote_is_taken_as_it_is_where_its_key_says_the_same(n
     parts, message = EXAMPLES[name]
     envelope = enveloped(TOPICS[name].key(**parts), message)
     assert envelope == Envelope(envelope.key, encode(message))
+    open_envelope.cache_clear()  # another test may have opened the same bytes
     assert open_envelope(envelope)[2] is message
     with pytest.raises(Refused) as refusal:
         open_envelope(enveloped("cop/t/a/report/r9/object/other", message))
