@@ -94,7 +94,7 @@ class FirstHand:
     _search: PlaceSearch = field(init=False)
     wheels: WheelNoise = field(init=False)
     speeds: Speeds = field(default_factory=Speeds)
-    jumped: bool = False  # whether its odometry did in the newest tick
+    jumped: bool = False  # whether the odometry jumped in the newest tick
     mishaps: Mishaps = field(init=False)
     camera: CameraNoise = field(default_factory=CameraNoise)
     landmarks: Landmarks = field(init=False)
@@ -355,7 +355,7 @@ class FirstHand:
         earlier = None if before is None else before.odometry
         motion = self.sensors.wheels.motion(told, earlier)
         motion = self._learning_from(motion, self.jitter.significance(told))
-        scaled = self._doubting_jumps(self.wheels.scaled(motion))
+        scaled = self._without_jump(self.wheels.scaled(motion))
         motion = scaled.plus(blind)
         self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
         heading = self._heading()
@@ -365,8 +365,8 @@ class FirstHand:
             forget_biases(self.joint, motion.dt)
         return motion
 
-    def _doubting_jumps(self, motion: Motion) -> Motion:
-        """The same motion; with noise, if it is hardly one."""
+    def _without_jump(self, motion: Motion) -> Motion:
+        """The same motion, or what `Speeds` makes of it if it jumps."""
         if (belief := self.belief) is None:
             return motion
         doubted = self.speeds.on_motion(self.robot, motion, motion.dt, belief.covariance)

@@ -92,7 +92,7 @@ class Contacts(Copyable):
     _reckoned: dict[str, tuple[float, float]] = field(default_factory=dict)  # robot -> variances: reckoned, and in all
 
     def pass_time(self, dt: float) -> None:
-        """Let `dt` seconds pass. A robot that is gone accuses nobody for ever."""
+        """Let `dt` seconds pass. Contradictions of pairs that have not met for `UNMET` are forgotten: one of the two may be gone."""
         self._ages = {pair: age + dt for pair, age in self._ages.items()}
         for pair in [pair for pair, age in self._ages.items() if age > UNMET and self._pairs[pair].contradicts]:
             del self._pairs[pair], self._ages[pair]

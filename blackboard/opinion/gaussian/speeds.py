@@ -1,7 +1,7 @@
 """Odometry that jumps: its frame was set anew, a counter overflowed, or somebody lies.
 
-How fast the robots of a team can be, nobody tells. But a step many times as fast as this robot and its mates usually drive is hardly
-one. Else such a robot is sure of a wrong place, and leads away what it sees.
+Nobody tells how fast the robots of a team can be. So a step is compared with how fast this robot and its mates usually drive.
+If a jump were believed, the robot would be sure of a wrong place, and so would be its team about what it sees.
 """
 
 import math
@@ -13,7 +13,9 @@ from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, wrap
 from blackboard.opinion.grid import Array
 
-FASTER, JUMPS = 3.0, 10.0  # times as fast as usually: at its full speed, and more than from creeping to that
+FULL = 3.0  # times as fast as usually: the full speed of a robot
+JUMPS = 10.0  # times as fast as usually: more than from creeping to full speed
+SHORTEST = 1e-6  # seconds: a step that claims less took so long
 ENOUGH = 5.0  # seconds in motion after which it is known how fast a robot usually is
 MEMORY = 20.0  # seconds in motion of which that is the root mean square
 GROWS = 2.0  # times by which one step raises that, at most
@@ -28,20 +30,20 @@ class Speeds(Copyable):
     _moved: dict[str, float] = field(default_factory=dict)  # robot -> seconds in motion
 
     def on_motion(self, robot: str, motion: Motion, seconds: float, pose: Array) -> Motion:
-        """What a robot drove in so many `seconds`. Where its way jumps: that it stood, give or take that way.
+        """The motion of a step of so many `seconds`. A jump becomes a stand, with a sigma as long as the way.
 
-        A turn at full speed is believed. `pose`, shape (2, 2) or more, is the covariance of the robot's place: a way that is within
-        its sigma does no harm. A motion within its own noise is none.
+        Its turn is kept if it is no faster than at full speed. `pose` is the covariance of the robot's pose, shape (3, 3) or larger.
+        A way that is shorter than the sigma of the place is kept, because it does no harm.
         """
         moved = np.array([motion.way, abs(wrap(motion.turn))])
         if seconds <= 0 or not (moved > np.sqrt([motion.along + motion.across, motion.heading])).any():
             return motion
-        usual, speeds = self._known(robot), moved / seconds
+        usual, speeds = self._known(robot), moved / max(seconds, SHORTEST)
         self._learn(robot, speeds, seconds)
         way, turn = moved.tolist()
         if not 0 < JUMPS * usual[0] < speeds[0] or way <= math.sqrt(np.trace(pose[AXES, AXES])):
             return motion
-        most = FASTER * float(usual[1]) * seconds if usual[1] > 0 else math.pi
+        most = FULL * float(usual[1]) * seconds if usual[1] > 0 else math.pi
         turned = Motion() if turn > most else motion
         along, across = motion.along + way**2, motion.across + way**2
         heading = motion.heading + min(turn, most) ** 2

@@ -244,7 +244,7 @@ class TeamJoint(TeamState):
                 motion = evidence.travelled.since(known.travelled)
                 unheard = motion.unheard(motion.dt - (known.motion.dt or motion.dt))
                 since = evidence.time - known.time
-                seconds = min(motion.dt, since) if since > 0 else motion.dt
+                seconds = min((span for span in (motion.dt, since) if span > 0), default=0.0)
                 pose = self.joint.moments(robot).covariance
                 motions[robot] = self.speeds.on_motion(robot, unheard, seconds, pose).after(known.motion, since)
                 drive(self.joint, robot, motions[robot], evidence.nuisance)

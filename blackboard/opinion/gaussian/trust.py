@@ -20,7 +20,7 @@ class Trust(Copyable):
     _ages: dict[tuple[str, str], float] = field(default_factory=dict)  # of pairs of robots: seconds since a verdict
 
     def pass_time(self, dt: float) -> None:
-        """Let `dt` seconds pass. A robot that is gone accuses nobody for ever; what was seen of an object stays as long as that."""
+        """Let `dt` seconds pass. Verdicts against a robot are forgotten after `UNMET` without a new one: its accuser may be gone."""
         self._ages = {pair: age + dt for pair, age in self._ages.items() if pair in self._pairs}
         for pair in [pair for pair, age in self._ages.items() if age > UNMET and self._pairs[pair].against]:
             del self._pairs[pair], self._ages[pair]

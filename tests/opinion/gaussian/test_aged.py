@@ -42,7 +42,7 @@ def told(robot: str, tick: int, travelled: Motion, pose: Moments, *relatives: Re
 
 
 def off(tick: int) -> tuple[float, float]:
-    """Errors of place (unit) and heading (rad) of a robot that turns now and then, and in each step tells a late sighting of a mate."""
+    """Errors of place (unit) and heading (rad) of a robot that turns in some steps. In each step it tells a late sighting of a mate."""
     start = Moments(np.zeros(3), np.diag([0.01, 0.01, 0.01]))
     placed = Moments(np.array([*MATE, 0.0]), np.diag([1e-6, 1e-6, 1e-6]))
     team, travelled, poses = TeamJoint(), Motion(), [np.zeros(3)]

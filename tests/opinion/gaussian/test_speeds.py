@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.evidence import Evidence
-from blackboard.opinion.gaussian.speeds import FASTER, JUMPS, Speeds
+from blackboard.opinion.gaussian.speeds import FULL, JUMPS, Speeds
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import Motion
 from tests.opinion.gaussian.driving import reports_of, team
@@ -30,7 +30,7 @@ def test_a_jump_is_taken_for_standing_give_or_take_the_way() -> None:
     assert (believed.distance, believed.aside, believed.turn) == (0.0, 0.0, 0.0)
     assert believed.dt == JUMP.dt
     assert believed.along == believed.across == pytest.approx(JUMP.way**2, rel=1e-3)
-    assert believed.heading == pytest.approx((FASTER * STEP.turn) ** 2, rel=1e-2)
+    assert believed.heading == pytest.approx((FULL * STEP.turn) ** 2, rel=1e-2)
 
 
 @pytest.mark.parametrize("turn", [STEP.turn, -2 * STEP.turn, 0.0])
@@ -114,12 +114,12 @@ def test_a_motion_is_never_surer_than_told_and_says_nothing_else_of_time(
 
 
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("way", [30.0, -200.0])
-def test_a_joint_keeps_a_robot_whose_odometry_jumps_where_it_is_seen(seed: int, way: float) -> None:
-    """Its mates see it; so without a fix of its own it is where it was, as soon as that is settled."""
+@pytest.mark.parametrize("jump", [Motion(30.0), Motion(-200.0), Motion(30.0, dt=-1.0), Motion(30.0, dt=1e9)])
+def test_a_joint_keeps_a_robot_whose_odometry_jumps_where_it_is_seen(seed: int, jump: Motion) -> None:
+    """Also where it says that the step took no time, or for ever."""
     robots, joint = team(4, seed), TeamJoint()
     for tick in range(30):
-        reports = [_jumped(report, way) if tick >= 20 else report for report in reports_of(robots, tick)]
+        reports = [_jumped(report, jump) if tick >= 20 else report for report in reports_of(robots, tick)]
         joint.settle(tick, 1.0, reports)
     for robot in robots:
         place = joint.marginal(robot.name)
@@ -129,8 +129,8 @@ def test_a_joint_keeps_a_robot_whose_odometry_jumps_where_it_is_seen(seed: int, 
     assert not joint.left_out
 
 
-def _jumped(report: Evidence, way: float) -> Evidence:
-    """Of r1: its sum of motions holds a jump, which its own filter has noticed and undone by fixes."""
+def _jumped(report: Evidence, jump: Motion) -> Evidence:
+    """Of r1: its sum of motions holds a jump, of which its own filter knows nothing."""
     if report.robot != "robot/r1":
         return report
-    return replace(report, travelled=report.travelled.plus(Motion(distance=way)))
+    return replace(report, travelled=report.travelled.plus(jump))
