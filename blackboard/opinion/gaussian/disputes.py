@@ -3,14 +3,16 @@
 The innovations of what each sees of an object are white where all models hold (Mehra, IEEE TAC 15, 1970), and keep one side where the
 object moves as no model has it. Both robots see that alike. So what counts is the difference between the offsets of two robots.
 A range or a bearing alone tells one direction. Then two robots are compared in the directions that both tell.
-Where more robots differ from one than agree with it, what it sees of the object is left out. Of two alone nobody can tell which is
-wrong. Then both count the same, however sure each says that it is, and the object is between them. While one of them looks alone,
+Where more robots differ from one than agree with it, what it sees of the object is left out. Of two alone, who sees it where it was
+expected, and where a third robot has just seen it, is right. Else nobody can tell which is wrong. Then both count the same, however
+sure each says that it is, and the object is between them. While one of them looks alone,
 what it sees is left out, for at most `MEMORY` seconds.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,6 +25,7 @@ from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
 NEW = math.exp(-2.0 / MEMORY)  # share that is left of what was seen two seconds ago; some robots tick once a second
+LATELY = math.exp(-1.0)  # the same after `MEMORY` seconds
 MOST = 6.0  # squared distance that a sighting counts with at most: a kick, or a misread, is no dispute
 KEPT = 60.0  # seconds for which a robot that moved an object too far, while no other saw it, is not believed alone about that object
 DISPUTED = 10.0  # times the variance of what is disputed, so that an object does not follow the one that spoke last
@@ -54,11 +57,8 @@ class ObserverRecord:
     def differs(self, other: ObserverRecord) -> bool:
         """Whether the offsets of both differ by more than 99.9 % of those that are the same."""
         both, freedom = told_by_both(self.score.covariance, other.score.covariance)
-        mine, its = (
-            np.linalg.pinv(of.score.covariance, rcond=ROUNDED, hermitian=True) @ of.score.gradient
-            for of in (self, other)
-        )
-        return freedom > 0 and float((mine - its) @ both @ (mine - its)) > quantile(GATE, freedom)
+        apart = self.score.offset - other.score.offset
+        return freedom > 0 and float(apart @ both @ apart) > quantile(GATE, freedom)
 
     def is_apart(self, other: ObserverRecord) -> bool:
         """Whether both saw it farther apart than 99.9 % of what is at one place."""
@@ -82,6 +82,8 @@ class Disputes(Copyable):
     _views: dict[tuple[str, str], ObserverRecord] = field(default_factory=dict)  # object and observer -> what it saw
     #: Object, and two observers that differ, sorted -> for how many seconds more they do.
     _held: dict[tuple[str, str, str], float] = field(default_factory=dict)
+    #: As in `_held` -> the one of both that saw the object where it was expected, and where a third one had just seen it.
+    _expected: dict[tuple[str, str, str], str] = field(default_factory=dict)
     #: Observer and object -> seconds for which it is not yet believed alone about that object, unless another observer confirms it.
     _set_back: dict[tuple[str, str], float] = field(default_factory=dict)
 
@@ -95,6 +97,7 @@ class Disputes(Copyable):
             if view.score.share * keep > LEAST
         }
         self._held = {of: left - dt for of, left in self._held.items() if left > dt}
+        self._expected = {of: robot for of, robot in self._expected.items() if of in self._held}
 
     def on_sighting(
         self, observer: str, subject: str, factor: Factor, innovation: Innovation, place: Array, lasting: float
@@ -119,6 +122,21 @@ class Disputes(Copyable):
             is_held = (subject, one, two) in self._held
             if other != observer and (mine.differs(its) or (is_held and mine.is_apart(its))):
                 self._held[subject, one, two] = MEMORY
+                if not is_held and mine.is_apart(its) and (right := self._confirmed(subject, one, two)):
+                    self._expected[subject, one, two] = right
+
+    def _confirmed(self, subject: str, *two: str) -> str | None:
+        """The one of two that sees an object nearer to where it is expected, if a third one has just seen it there."""
+        right = min(two, key=lambda robot: math.hypot(*self._views[subject, robot].score.offset))
+        third = (view for (of, robot), view in self._views.items() if of == subject and robot not in two)
+        mine = self._views[subject, right]
+        return right if any(view.score.share > LATELY and view.confirms(mine) for view in third) else None
+
+    def favours(self, observer: str, subject: str, against: Collection[str]) -> int:
+        """1: an observer saw an object where it was expected, and a third as well; -1: one of those `against` it did; else 0."""
+        pairs = ((subject, min(observer, other), max(observer, other)) for other in against)
+        right = {self._expected.get(pair) for pair in pairs} - {None}
+        return 0 if len(right) != 1 else 1 if observer in right else -1
 
     def disputed(self) -> set[str]:
         """The objects whose observers see them at different places."""
@@ -155,3 +173,4 @@ class Disputes(Copyable):
         self._set_back = {of: left for of, left in self._set_back.items() if of[1] != subject}
         self._views = {of: view for of, view in self._views.items() if of[0] != subject}
         self._held = {of: left for of, left in self._held.items() if of[0] != subject}
+        self._expected = {of: robot for of, robot in self._expected.items() if of[0] != subject}

@@ -48,6 +48,11 @@ class OffsetScore:
         """The score once only the share `keep` of it counts."""
         return OffsetScore(self.gradient * keep, self.covariance * keep**2, self.share * keep)
 
+    @property
+    def offset(self) -> Array:
+        """The likeliest offset (unit), shape (2,): nothing in directions of which nothing is told."""
+        return np.asarray(np.linalg.pinv(self.covariance, rcond=ROUNDED, hermitian=True) @ self.gradient)
+
     def is_far(self) -> bool:
         """Whether it is beyond 99.9 % of those without an offset."""
         return squared_distance(self.gradient, self.covariance) > quantile(GATE, 2)

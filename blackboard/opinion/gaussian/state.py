@@ -213,12 +213,18 @@ class TeamState(Copyable):
         return self.offsets.doubts(robot) or self.freshness.doubts(robot)
 
     def majority(self, observer: str, subject: str) -> int:
-        """Above 0 where more robots see an object where an observer does than elsewhere, below 0 where fewer do; 0 is a dispute."""
+        """Above 0 where more robots see an object where an observer does than at another place, below 0 where fewer; 0 is a dispute.
+
+        Who differed from it and looks no more counts where nobody who looks differs.
+        """
         differing = {robot for robot in self.disputes.differing(observer, subject) if self._is_heard(robot)}
         if not differing:
             return 1
-        agreeing = [robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)]
-        return 1 + len(set(agreeing) - differing) - len(differing)
+        looking = {robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)}
+        against = differing & looking or differing
+        camps = (against - self.disputes.differing(robot, subject) for robot in against)
+        more = 1 + len(looking - differing) - max(map(len, camps))
+        return more or self.disputes.favours(observer, subject, against & looking)
 
     def waits(self, observer: str, subject: str) -> bool:
         """Whether a sighting of an object is not taken now.

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.disputes import told_by_both
+from blackboard.opinion.gaussian.joint import Factor, Innovation
 from blackboard.opinion.gaussian.relation import Bias, Kind, Relative, measured
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
@@ -64,6 +65,48 @@ def test_an_object_is_between_two_robots_that_see_it_at_two_places(sure: float) 
     assert set(team.disputing(BALL)) == {frozenset({"robot/r1"}), frozenset({"robot/r2"})}
     assert float(np.trace(team.marginal(BALL).covariance)) > 1.0
     assert moved(team) < 0.2
+
+
+def watch(team: TeamJoint, seconds: float, seen: dict[str, Place]) -> None:
+    """Robots see the ball again and again, each so far from where it is expected."""
+    for _ in range(round(seconds / 0.5)):
+        team.disputes.pass_time(0.5)
+        for robot, away in seen.items():
+            apart, noise = np.array(away), 0.01 * np.eye(2)
+            factor, innovation = Factor(apart, {BALL: np.eye(2)}, noise), Innovation(apart, 2 * noise)
+            team.disputes.on_sighting(robot, BALL, factor, innovation, apart, 0.01)
+
+
+def votes(team: TeamJoint) -> dict[str, int]:
+    return {robot: team.majority(robot, BALL) for robot in team.disputes.seeing(BALL)}
+
+
+@pytest.mark.parametrize(
+    ("since", "away", "right"), [(1.0, 3.0, 1), (6.0, 3.0, 0), (1.0, 0.3, 0)], ids=["lately", "long ago", "not apart"]
+)
+def test_of_two_alone_who_sees_an_object_where_it_is_expected_is_right_if_a_third_saw_it_lately(
+    since: float, away: float, right: int
+) -> None:
+    """Before, both counted the same: the object was half-way to wherever a robot that had lost itself told it."""
+    team = TeamJoint()
+    watch(team, 5.0, {"robot/r2": (0.0, 0.0), "robot/r3": (0.0, 0.0)})
+    watch(team, since, {"robot/r2": (0.0, 0.0)})
+    watch(team, 5.0, {"robot/r1": (away, 0.0), "robot/r2": (0.0, 0.0)})
+    assert votes(team) == {"robot/r1": -right, "robot/r2": right}
+
+
+def test_robots_that_see_an_object_at_several_places_are_no_majority() -> None:
+    """Before, two that differed from a third outvoted it, though they differed from each other as well."""
+    team = TeamJoint()
+    watch(team, 5.0, {"robot/r1": (-3.0, 0.0), "robot/r2": (0.0, 0.0), "robot/r3": (3.0, 0.0)})
+    assert votes(team) == dict.fromkeys(("robot/r1", "robot/r2", "robot/r3"), 0)
+
+
+def test_who_looks_no_more_outvotes_nobody_together_with_one_that_looks() -> None:
+    team = TeamJoint()
+    watch(team, 5.0, {"robot/r1": (3.0, 0.0), "robot/r2": (0.0, 0.0)})
+    watch(team, 3.0, {"robot/r3": (3.0, 0.0), "robot/r2": (0.0, 0.0)})
+    assert votes(team) == dict.fromkeys(("robot/r2", "robot/r3"), 0)
 
 
 def test_who_tells_an_object_aside_of_where_it_was_agreed_leads_it_no_farther_than_that_and_moves_no_robot() -> None:
