@@ -153,13 +153,16 @@ def _seen(its: Sequence[Relative], ends: _Ends, motions: Mapping[str, Motion]) -
     )
     there, moves = ends.subject, [motions.get(sighting.subject) for sighting in its]
     if ends.states == STATES:
-        there = _stood(there, moves, [sighting.age + sighting.ahead for sighting in its])
+        there = _stood(there, moves, [sighting.late for sighting in its])
+    else:
+        there = there - np.array([sighting.gone for sighting in its])
     camera = stood[:, HEADING] - ends.observer[:, BEARING]
     seen = form(its, there[:, AXES] - stood[:, AXES], camera, ends.spread, ends.heading)
+    strayed = [sighting.strayed for sighting in its]
     if ends.states == STATES:
         strayed = [_strayed(sighting, motion) for sighting, motion in zip(its, moves, strict=True)]
-        seen.noise[:, X, X] += strayed
-        seen.noise[:, Y, Y] += strayed
+    seen.noise[:, X, X] += strayed
+    seen.noise[:, Y, Y] += strayed
     if not its[0].places:
         return of_one_number(its[0].kind, seen)
     if its[0].kind == "pose" and ends.states == STATES:
@@ -187,7 +190,7 @@ def _strayed(sighting: Relative, motion: Motion | None) -> float:
     """
     if motion is None or motion.dt <= 0:
         return 0.0
-    age = sighting.age + sighting.ahead
+    age = sighting.late
     outside = max(0.0, -age, age - max(motion.covered, sighting.age)) / motion.dt
     return outside * (motion.along + motion.across) + (outside * UNSTEADY * motion.way) ** 2
 

@@ -37,8 +37,8 @@ class Relative:
     """A relative belief: where `observer` saw `subject`, as range (unit) and bearing (rad) with their fresh variances.
 
     `age` is seconds before the end of the observer's tick; `ahead` is by how many seconds the subject's tick ended later than
-    that, where ticks are not the world's. `biases` are the lasting errors of the range, shared by all sightings of
-    one observer in one `group` (by default those of the subject), each with a time constant of its own.
+    that, where ticks are not the world's. An object's tick ends with the last robot's. `biases` are the lasting errors of the range,
+    shared by all sightings of one observer in one `group` (by default those of the subject), each with a time constant of its own.
     `profile`, where given, replaces both variances: (distance, variance) pairs of an isotropic error of the seen position,
     interpolated, and to be averaged over the distances at which the subject may be.
     Other kinds than "range-bearing" are made by `measured`: of a range alone the bearing means nothing, and of a bearing alone
@@ -63,11 +63,18 @@ class Relative:
     confidence: float = 1.0  # the detector's, that something is there
     mark: int | None = None  # of an unnamed one: its number among those of the tick
     noisier: float = 1.0  # times the fresh variances that its observer claims (`as_noisy`)
+    gone: tuple[float, float] = (0.0, 0.0)  # of an object: how far it has gone since (unit, the world's axes)
+    strayed: float = 0.0  # of an object: the variance of that along each axis (unit^2)
 
     @property
     def places(self) -> bool:
         """Whether it says alone where its subject is."""
         return self.kind not in ("range", "bearing")
+
+    @property
+    def late(self) -> float:
+        """Seconds for which its object has moved since."""
+        return self.age + self.ahead
 
     @property
     def is_scaled(self) -> bool:

@@ -13,6 +13,7 @@ from blackboard.opinion.gaussian.chain import Chain
 from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Factor, Innovation, Joint, Moments, squared_distance
+from blackboard.opinion.gaussian.late import as_it_was
 from blackboard.opinion.gaussian.linearising import linearise, linearise_all
 from blackboard.opinion.gaussian.relation import NEAREST, Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
@@ -103,9 +104,9 @@ def _tells_nothing(team: TeamState, sighting: Relative) -> bool:
 
 
 def _own(evidence: Evidence) -> list[Relative]:
-    """What a robot says that it sees itself, in an order that depends on that alone."""
+    """What a robot says that it sees itself, of each subject the oldest first."""
     own = [relative for relative in evidence.relatives if relative.observer == evidence.robot != relative.subject]
-    return sorted(own, key=lambda r: (r.subject, r.age, r.range, r.bearing, r.kind))
+    return sorted(own, key=lambda r: (r.subject, -r.age, r.range, r.bearing, r.kind))
 
 
 def _compare_with_joint(
@@ -153,6 +154,11 @@ def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> 
 
 def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Motion], heard: set[str]) -> None:
     """Take a relative belief into the joint; an object of which nothing is known enters with its first sighting."""
+    with as_it_was(team, relative) as told:
+        _take_sighting(team, told, motions, heard)
+
+
+def _take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Motion], heard: set[str]) -> None:
     observer, subject = relative.observer, relative.subject
     robot = subject.startswith("robot/")
     if subject == observer or (robot and subject not in team.joint):
@@ -192,6 +198,7 @@ def take_sighting(team: TeamState, relative: Relative, motions: Mapping[str, Mot
     team.note_errors(relative)
     if not robot:
         team.seen[subject] = 0.0
+        team.walks.sighted(subject)
 
 
 def _has_room(team: TeamState, subject: str, observer: str) -> bool:
@@ -318,6 +325,7 @@ def set_aside(team: TeamState, relative: Relative, motions: Mapping[str, Motion]
     team.influence.drop(subject)
     team.joint.add(subject, place)
     team.seen[subject] = 0.0
+    team.walks.sighted(subject)
     team.add_verdict(Verdict(observer, subject, "relative", 0.0, 2, True))
 
 

@@ -175,6 +175,14 @@ class TeamState(Copyable):
         self.walks.rename(old, new)
         self.seen[new] = self.seen.pop(old)
 
+    def pass_object(self, subject: str, dt: float) -> None:
+        """Let an object move for `dt` seconds."""
+        kind = self.tracks.kind(subject)
+        drift, model = self.objects.drift_of(subject), self.objects.model_of(subject, kind)
+        way = self.walks.pass_time(subject, drift, dt, model, kind)
+        self.shift(subject, way)
+        self.influence.go(subject, way.mean)
+
     def shift(self, subject: str, way: Moments) -> None:
         """An object goes a way, shape (2,), whose covariance is (2, 2)."""
         self.joint.move(subject, self.joint.moments(subject).mean + way.mean, np.eye(2), way.covariance)

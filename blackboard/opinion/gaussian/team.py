@@ -21,6 +21,7 @@ from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_the_mean
 from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.late import with_way
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.rings import RingPlace
 from blackboard.opinion.gaussian.sightings import batches, close_rings, see, seen_by_one
@@ -121,7 +122,10 @@ class TeamJoint(TeamState):
         self.influence.pass_time(dt, walking)
         motions = self._predict(dt, news)
         entered = {robot for robot, evidence in news.items() if enter(self, evidence)}
-        all_news = self._bounded(news, set(motions) - entered)
+        all_news = {
+            robot: replace(evidence, relatives=tuple(with_way(self, relative) for relative in evidence.relatives))
+            for robot, evidence in self._bounded(news, set(motions) - entered).items()
+        }
         news = {robot: evidence.named() for robot, evidence in all_news.items()}
         heard = entered | set(motions)
         entered |= compare(self, news, motions)
@@ -231,7 +235,10 @@ class TeamJoint(TeamState):
             (waiting if waits else relatives).append(relative)
         if waiting:
             self.early[robot] = now, tuple(waiting)
-        return replace(evidence, relatives=tuple(replace(r, ahead=ends.get(r.subject, now) - now) for r in relatives))
+        newest = max(one.time for one in news.values())
+        return replace(
+            evidence, relatives=tuple(replace(r, ahead=ends.get(r.subject, newest) - now) for r in relatives)
+        )
 
     def _predict(self, dt: float, news: Mapping[str, Evidence]) -> dict[str, Motion]:
         """Move every robot that is known and was heard by all that it has travelled since; let biases and objects drift."""
@@ -259,11 +266,7 @@ class TeamJoint(TeamState):
         pass_absent(self, dt)
         self.elapsed += dt
         for name in self.seen:
-            kind = self.tracks.kind(name)
-            drift, model = self.objects.drift_of(name), self.objects.model_of(name, kind)
-            way = self.walks.pass_time(name, drift, dt, model, kind)
-            self.shift(name, way)
-            self.influence.go(name, way.mean)
+            self.pass_object(name, dt)
             self.seen[name] += dt
         return motions
 

@@ -10,7 +10,7 @@ was moved: its bank begins anew there.
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -136,6 +136,21 @@ class _Motion:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Since:
+    """How an object was moved on since its last sighting, and its motion then (`kicked`: if that sighting was right)."""
+
+    motion: _Motion | None = None
+    kicked: _Motion | None = None
+    seconds: float = 0.0
+    way: Array = field(default_factory=lambda: np.zeros(2))
+    covariance: Array = field(default_factory=lambda: np.zeros((2, 2)))
+
+    def plus(self, way: Moments, dt: float) -> "_Since":
+        covariance = self.covariance + way.covariance
+        return replace(self, seconds=self.seconds + dt, way=self.way + way.mean, covariance=covariance)
+
+
 @dataclass
 class Walks(Copyable):
     """Mutable. `drift` of an object is in units / sqrt(s)."""
@@ -143,6 +158,7 @@ class Walks(Copyable):
     _motions: dict[str, _Motion] = field(default_factory=dict)
     #: Object -> its motion if its last sighting, which counts as a misread, was right.
     _kicked: dict[str, _Motion] = field(default_factory=dict)
+    _since: dict[str, _Since] = field(default_factory=dict)
     _habits: dict[str, Habits] = field(default_factory=dict)  # of things without a name, by class
     #: Object that one robot alone sees -> its drift over the configured one when several saw it last.
     _agreed: dict[str, float] = field(default_factory=dict)
@@ -181,6 +197,32 @@ class Walks(Copyable):
 
         What is a track of some `kind` moves as things of that kind were seen to move.
         """
+        way = self._pass_time(subject, prior, dt, model, kind)
+        self._since[subject] = self._since.get(subject, _Since()).plus(way, dt)
+        return way
+
+    def sighted(self, subject: str) -> None:
+        """An object is where a sighting that was just taken puts it."""
+        self._since[subject] = _Since(self._motions.get(subject), self._kicked.get(subject))
+
+    def rewind(self, subject: str) -> tuple[float, Moments]:
+        """Take back all that `pass_time` has moved an object since its last sighting: for how many seconds, and the way."""
+        since = self._since.pop(subject, _Since())
+        for motions, motion in ((self._motions, since.motion), (self._kicked, since.kicked)):
+            motions.pop(subject, None)
+            if motion is not None:
+                motions[subject] = motion
+        self.sighted(subject)
+        return since.seconds, Moments(since.way, since.covariance)
+
+    def went(self, subject: str, prior: float, seconds: float) -> tuple[Array, float]:
+        """How far an object has gone in its last seconds, shape (2,), and the variance of that along each axis."""
+        strayed, velocity = self.drift(subject, prior) ** 2 * seconds, self.velocity(subject)
+        if velocity is None:
+            return np.zeros(2), strayed
+        return seconds * velocity.mean, strayed + 0.5 * float(np.trace(velocity.covariance)) * seconds**2
+
+    def _pass_time(self, subject: str, prior: float, dt: float, model: Model, kind: str) -> Moments:
         walk = Moments(np.zeros(2), np.eye(2) * self.drift(subject, prior) ** 2 * dt)
         known, kicked = self._motions.get(subject), self._kicked.get(subject)
         if known is None:
@@ -217,6 +259,11 @@ class Walks(Copyable):
             self._agreed.setdefault(subject, self._factor(subject))
         else:
             self._agreed.pop(subject, None)
+        pushed = self._judge(subject, seen, named, alone)
+        self.sighted(subject)
+        return pushed
+
+    def _judge(self, subject: str, seen: Moments, named: bool, alone: bool) -> Moments | None:
         known, kicked = self._motions.get(subject), self._kicked.pop(subject, None)
         if known is None:
             self._motions[subject] = _Motion(_Bank.begun(seen))
@@ -248,16 +295,17 @@ class Walks(Copyable):
 
     def rename(self, subject: str, name: str) -> None:
         """An object has another name from now on."""
-        for known in (self._motions, self._kicked):
+        for known in self._of_subjects():
             if subject in known:
                 known[name] = known.pop(subject)
-        if subject in self._agreed:
-            self._agreed[name] = self._agreed.pop(subject)
 
     def forget(self, subject: str) -> None:
         """An object is gone, or begins anew."""
-        for known in (self._motions, self._kicked, self._agreed):
+        for known in self._of_subjects():
             known.pop(subject, None)
+
+    def _of_subjects(self) -> tuple[dict[str, Any], ...]:
+        return self._motions, self._kicked, self._agreed, self._since
 
 
 def _mean_log(weights: Array, logs: Array) -> float:
