@@ -3,7 +3,7 @@
 import math
 import sys
 import time
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -179,6 +179,7 @@ class Field(Robots):
     `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement. `unplaced`: these are
     not told where they start. All claim `cautious` times the noise that their cameras have, and see ranges or bearings `alone`. It
     begins `began` seconds after a board's period does. Robots drive on while their odometry is `silent`, from and until a time (s).
+    What they see they are told so many steps `late`.
     """
 
     def __init__(
@@ -195,8 +196,10 @@ class Field(Robots):
         alone: Literal["range", "bearing"] | None = None,
         began: float = 0.0,
         silent: Mapping[str, tuple[float, float]] | None = None,
+        late: int = 0,
     ) -> None:
         super().__init__(chosen, began)
+        self.late = {robot: deque[tuple[Sighting, ...]]([()] * late) for robot in world.robots}
         self.silent = dict(silent or {})
         self.world, self.sigmas, self.own, self.fed_back, self.unplaced = world, sigmas, own, fed_back, unplaced
         self.alone = alone
@@ -204,6 +207,12 @@ class Field(Robots):
         self.phases = dict(phases or {})  # robot -> seconds that it steps late
         self.work: list[float] = []
         self.ages: list[float] = []  # of what is agreed on the ball, in seconds, whenever a robot steps
+
+    def _as_late(self, robot: str, since: SinceStep) -> SinceStep:
+        held = self.late[robot]
+        held.append(since.sightings)
+        age = (len(held) - 1) * self.world.truth.dt
+        return replace(since, sightings=tuple(s.model_copy(update={"age": age}) for s in held.popleft()))
 
     def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
@@ -229,6 +238,7 @@ class Field(Robots):
                     if self.fed_back and (before := self.robots[robot].pose()) is not None:
                         alone[robot].take(before.mean, before.covariance)
                     since = posterior(step, truth, self.sigmas, alone[robot], robot)
+                since = self._as_late(robot, since)
                 since = since if self.alone is None else parts_alone(since, self.alone)
                 if settled and (ball := self.agreed.get("object/ball")) is not None:
                     self.ages.append(self.now - ball.time)

@@ -51,7 +51,12 @@ def see(
         *team.seen,
     }
     known = {name for name in known if team.knows(name)}
-    clear = [sighting for sighting in (*seen, *doubts) if sighting.observer in known and sighting.subject in known]
+    # How fresh a sighting is shows by the noise of its sensor alone, without what its object may have moved since.
+    clear = [
+        replace(sighting, strayed=0.0) if sighting.strayed else sighting
+        for sighting in (*seen, *doubts)
+        if sighting.observer in known and sighting.subject in known
+    ]
     pairs = list(zip(clear, linearise_all(team.joint, clear, motions), strict=True))
     by_observer: dict[str, list[tuple[Relative, Factor]]] = {}
     for sighting, factor in pairs:

@@ -201,9 +201,12 @@ class TeamState(Copyable):
         return self._of({robot} if self.doubts(robot) else set())
 
     def moved_by_sighting(self, relative: Relative) -> list[Block] | None:
-        """The same of a sighting: of a track or what is in dispute that alone, else doubted ends, or an object that only these see."""
+        """The same of a sighting: of a track, or what rolls or is in dispute, that alone, else doubted ends, or what only these see.
+
+        The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move.
+        """
         observer, subject = relative.observer, relative.subject
-        if subject in self.tracks or self.majority(observer, subject) == 0:
+        if subject in self.tracks or self.majority(observer, subject) == 0 or self.walks.velocity(subject) is not None:
             return [subject]
         doubted = {end for end in (observer, subject) if self.doubts(end)}
         if self.freshness.doubts(observer) and subject not in self.known and not self.vouching(subject, observer):
