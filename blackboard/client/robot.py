@@ -45,6 +45,7 @@ class Robot(Membership):
         self._told: SinceStep | None = None  # since the last step
         self._own: bool | None = None  # whether it has a filter of its own; None: not known yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
+        self._fixed: tuple[float, float] | None = None  # where its newest fix has it
         self._warned: set[str] = set()  # of which arguments
         self._stepped = -math.inf  # team time of the newest step that had a time, seconds
 
@@ -130,7 +131,7 @@ class Robot(Membership):
     ) -> None:
         """Where the robot is in the team's frame, as of GPS, or where it starts.
 
-        Of two between steps the newest place counts, and the newest heading.
+        Of two between steps the newest place counts, and the newest heading. The same one again counts once.
         """
         known = Call("fix", self._warn)
         x, y = known.numbers("position", position, (2,))
@@ -144,6 +145,11 @@ class Robot(Membership):
             turned = {"heading": known.angle("heading", heading), "heading_sigma": sigma_of_heading}
         if self._grid is not None and self._grid.index((x, y)) is None:
             self._warn("fix", f"a fix at ({x:g}, {y:g}) is outside the team's grid: has it another unit or frame?")
+        if self._fixed == (x, y):
+            self._warn(
+                "fix again", f"the same fix again, at ({x:g}, {y:g}), counts once: does its receiver see satellites?"
+            )
+        self._fixed = x, y
         self._tell(fix=Fix(position=(x, y), sigma=known.number("sigma", sigma, least=LEAST), **turned))
 
     def see(

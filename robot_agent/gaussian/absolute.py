@@ -4,6 +4,8 @@ Other people's GPS and compasses err in ways that nobody told. Two fixes in a ro
 independent noise of each. Where it is larger than claimed, it counts. Where it is surely smaller, the claimed variance stays, and
 the rest of it counts as an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as
 one at the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
+
+No two measurements are equal to the last bit: a receiver that sees no satellite repeats its last fix, and many drivers publish that.
 """
 
 import math
@@ -113,6 +115,10 @@ class AbsoluteSensors:
         """Whether the newest fix was beyond the gate."""
         return "fix" in self._beyond
 
+    def begin(self, fix: Fix | None) -> None:
+        """The belief begins with this fix."""
+        self._newest = fix
+
     def forget(self) -> None:
         """The belief was given up: the next fix is not compared with the one before."""
         self._newest, self._since = None, None
@@ -130,6 +136,12 @@ class AbsoluteSensors:
         """Move on from the newest fix by odometry."""
         if self._since is not None:
             drive(self._since, self.robot, motion, self.nuisance)
+
+    def without_repeated(self, readings: Readings) -> Readings:
+        """The readings without a fix that is the newest one told again."""
+        fix, last = readings.fix, self._newest
+        is_again = fix is not None and last is not None and (fix.position, fix.heading) == (last.position, last.heading)
+        return readings.model_copy(update={"fix": None}) if is_again else readings
 
     def fix_factor(self, joint: Joint, fix: Fix) -> Factor:
         """A fix as a measurement, with the noise that was found."""

@@ -123,6 +123,7 @@ class FirstHand:
 
         The filter linearises there, and judges by it how large the error along the way is.
         """
+        readings = self.absolute.without_repeated(readings)
         self.untold = self.untold.after(readings)
         if self.epoch < 0:
             self.restart(readings.time)
@@ -453,6 +454,7 @@ class FirstHand:
     def _start(self, readings: Readings) -> None:
         if (pose := starting_pose(readings, self.sensors.compass)) is not None:
             self.enter(pose)
+            self.absolute.begin(readings.fix)
 
     def _is_flat(self) -> bool:
         covariance = self.joint.moments(self.robot).covariance

@@ -191,6 +191,14 @@ def test_a_fix_outside_the_grid_is_warned_of_once(caplog: pytest.LogCaptureFixtu
     assert "r1: a fix at (5400, 3) is outside the team's grid" in line
 
 
+def test_a_fix_that_is_told_again_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot("r1", "demo")
+    for x in (2.0, 3.0, 3.0, 3.0):
+        robot.fix((x, 3.0), sigma=0.1)
+    (line,) = caplog.messages
+    assert "r1: the same fix again, at (3, 3), counts once" in line
+
+
 @pytest.mark.parametrize(("call", "names"), WRONG, ids=[names for _, names in WRONG])
 def test_a_wrong_call_is_one_sentence_that_names_the_argument(call: Callable[[Robot], object], names: str) -> None:
     with pytest.raises(ValueError, match=f"^{names}") as error:

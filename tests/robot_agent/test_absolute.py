@@ -30,6 +30,8 @@ class Sensor:
     seconds: float = 20.0  # after which the lasting error is another one
     outliers: float = 0.0  # share of the fixes
     jump: tuple[float, float] = (0.0, 0.0)  # from when to when all fixes are somewhere else
+    unseen: tuple[float, float] = (0.0, 0.0)  # from when to when there are no satellites
+    repeats: bool = False  # what the receiver tells then: its last fix again and again, or nothing
     compass: float | None = None  # sigma; None: there is none
     misread: float = 0.0  # share of the compass's headings
     carried: float = math.inf  # when somebody carries the robot 3 units away
@@ -85,7 +87,7 @@ def drive(
     for seed in seeds:
         truth = Truth()
         world, steps = World(seed, truth, ("r1",)), round(10 * seconds)
-        before = world.poses["r1"].copy()
+        before, last = world.poses["r1"].copy(), None
         fixes, compass = sensor.errors(np.random.default_rng(seed + 100), steps)
         robot = FirstHand("robot/r1", Sensors(wheels=UNKNOWN_WHEELS))
         for step, said in enumerate(world.steps(seconds)):
@@ -99,6 +101,9 @@ def drive(
             if step == round(10 * min(sensor.carried, seconds)):
                 pose[0] += 3.0 if pose[0] < 5.0 else -3.0
             fix = None if step % every else Fix(position=tuple(pose[:2] + fixes[step]), sigma=claimed)
+            if 10 * sensor.unseen[0] <= step < 10 * sensor.unseen[1]:
+                fix = last if sensor.repeats else None
+            last = fix or last
             heading = None if sensor.compass is None else math.remainder(pose[2] + compass[step], math.tau)
             robot.step(readings(step, said["r1"], fix, heading, truth))
             if step > 50:
@@ -199,6 +204,25 @@ def test_wheels_that_turn_while_the_robot_stands_are_noticed_by_exact_fixes() ->
     inside = (time > 31.5) & (time < 35.5)
     assert np.mean(course.named[inside] > 0) >= 0.8
     assert np.mean(course.named[(time < 30) | (time > 38)] > 0) <= 0.02
+
+
+def test_a_receiver_that_repeats_its_last_fix_tells_nothing() -> None:
+    """Before, a robot that drove on was taken to be stuck, and in a field it was 3 m off and sure of that."""
+    silent, repeats = (
+        drive(Sensor(unseen=(20.0, 30.0), repeats=again), seeds=(11,), seconds=35.0) for again in (False, True)
+    )
+    assert (repeats.errors == silent.errors).all()
+    assert not repeats.named.any()
+
+
+def test_a_robot_that_stands_and_tells_one_fix_again_and_again_is_as_sure_as_after_the_first() -> None:
+    robot = FirstHand("robot/r1", Sensors(wheels=UNKNOWN_WHEELS))
+    for step in range(20):
+        fix = Fix(position=(1.0, 2.0), sigma=0.3, heading=0.5, heading_sigma=0.1)
+        robot.step(readings(step, Said(0.0, 0.0, 0.1), fix, None, Truth()))
+    belief = present(robot.belief)
+    assert belief.mean[:3] == pytest.approx((1.0, 2.0, 0.5))
+    assert np.sqrt(belief.covariance.diagonal()[:3]) == pytest.approx((0.3, 0.3, 0.1), rel=0.01)
 
 
 def test_a_robot_that_slips_sideways_finds_that_out() -> None:
