@@ -30,7 +30,7 @@ from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import AXES, HEADING, STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Array
 
@@ -188,12 +188,24 @@ class TeamState(Copyable):
         self.joint.move(subject, self.joint.moments(subject).mean + way.mean, np.eye(2), way.covariance)
 
     def widen(self, robot: str, away: float = 0.0) -> None:
-        """Widen position and heading of a robot that may have moved, by `away` (unit) or so, as its odometry did not measure."""
+        """Widen position and heading of a robot that may have moved, by `away` (unit) or so, as its odometry did not measure.
+
+        Who is carried `away`, or was led there by its gyro, may look anywhere.
+        """
         block = self.joint.moments(robot)
         noise = np.zeros((STATES, STATES))
         position, heading = WIDENED
         noise[AXES, AXES] = position**2 * block.covariance[AXES, AXES] + away**2 * np.eye(2)
         noise[HEADING, HEADING] = heading**2
+        self.joint.move(robot, block.mean, np.eye(STATES), noise)
+        if away:
+            self.forget_heading(robot)
+
+    def forget_heading(self, robot: str) -> None:
+        """A robot may look anywhere: what it sees elsewhere, it may see in another direction."""
+        block = self.joint.moments(robot)
+        noise = np.zeros((STATES, STATES))
+        noise[HEADING, HEADING] = max(0.0, ANYWHERE - block.covariance[HEADING, HEADING])
         self.joint.move(robot, block.mean, np.eye(STATES), noise)
 
     def moved_by(self, robot: str) -> list[Block] | None:

@@ -45,7 +45,8 @@ class TeamJoint(TeamState):
     def settle(self, tick: int, dt: float, reports: Iterable[Evidence]) -> list[Verdict]:
         """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing.
 
-        Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back. So is what it has moved
+        Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back. Who keeps one side may
+        be turned: its sightings, which move itself alone then, turn it back. Taken back is also what it has moved
         an object that more robots see elsewhere, or that it alone has led farther than that goes. What an object has moved is taken
         back where a dispute about it begins.
 
@@ -82,6 +83,8 @@ class TeamJoint(TeamState):
     def _take_back(self, robot: str) -> None:
         """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
         self.influence.take_back(self.joint, robot)
+        if self.offsets.doubts(robot) and robot in self.joint:
+            self.forget_heading(robot)
         self.offsets.forget_scores()
         for subject in self.trust.judged(robot) & set(self.seen):
             self.walks.forget(subject)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.state import ABSURD
 from blackboard.opinion.gaussian.strayed import PATIENCE
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, entering
+from blackboard.opinion.gaussian.vehicle import AXES, HEADING, Motion, Nuisance, entering
 from tests.opinion.gaussian.square import PLACES, compass, evidence_of, increment_at, new_team, sees
 
 WAY = Motion(0.6, 0.0, 1.0, 1.0, along=0.01, across=0.01)  # of a tick, as r2's wheels measure it
@@ -138,6 +139,31 @@ def test_who_tells_the_direction_alone_of_a_lost_robot_moves_it_little_beside_an
     for tick in range(1, 60):
         settle(team, tick, ("robot/r4", "robot/r2", HERE), bearing=place)
         assert off(team, "robot/r2", HERE) < 2 * WAY.distance * TURNS
+
+
+@pytest.mark.parametrize("turned", [-3.0, -2.0, 1.0, 2.0])
+def test_a_robot_whose_gyro_was_set_anew_is_turned_back_by_what_it_and_its_mates_see(turned: float) -> None:
+    """Before, it was pulled away from where its mates saw it, its heading stayed wrong and sure, and it was left out."""
+    team, mates = new_team(), [robot for robot in PLACES if robot != "robot/r2"]
+    for tick in range(1, LONG):
+        news = [
+            evidence_of(
+                robot, tick, *[_seen(robot, "robot/r2", tick)][: tick % 2], increment=increment_at(*PLACES[robot])
+            )
+            for robot in mates
+        ]
+        seen = [_seen("robot/r2", mate, tick) for mate in mates]
+        own = evidence_of("robot/r2", tick, *[replace(one, bearing=one.bearing + turned) for one in seen], variance=9.0)
+        team.settle(tick, 1.0, [*news, own])
+    assert off(team, "robot/r2", HERE) < 0.3
+    assert team.pose("robot/r2").mean[HEADING] == pytest.approx(-turned, abs=0.1)
+    assert not team.left_out
+
+
+def _seen(observer: str, subject: str, tick: int) -> Relative:
+    """A sighting in a tick, by its noise."""
+    x, y = np.random.default_rng([tick, int(observer[-1])]).normal(PLACES[subject], 0.1)
+    return sees(observer, subject, (x, y))
 
 
 def test_what_is_tried_on_a_copy_is_not_counted() -> None:
