@@ -45,6 +45,7 @@ class Robot(Membership):
         self._told: SinceStep | None = None  # since the last step
         self._own: bool | None = None  # whether it has a filter of its own; None: not known yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
+        self._jumps = 0  # times that its frame was said to have jumped
         self._fixed: tuple[float, float] | None = None  # where its newest fix has it
         self._warned: set[str] = set()  # of which arguments
         self._stepped = -math.inf  # team time of the newest step that had a time, seconds
@@ -110,6 +111,12 @@ class Robot(Membership):
         sigmas = known.sigma("distance_sigma", distance_sigma), known.sigma("turn_sigma", turn_sigma)
         with self._lock:
             last, self._place = self._place, (x, y, heading)
+        if last is not None and seconds < LEAST and last[:2] != (x, y):
+            self._jumps += 1
+            if self._jumps > 1:
+                self._warn(
+                    "moved_to", "moved_to(dt=0) again: each time the way is lost; of poses of one stamp give one"
+                )
         if last is not None and seconds >= LEAST:
             turn = math.remainder(heading - last[2], math.tau)
             way = last[2] + turn / 2

@@ -191,6 +191,17 @@ def test_a_fix_outside_the_grid_is_warned_of_once(caplog: pytest.LogCaptureFixtu
     assert "r1: a fix at (5400, 3) is outside the team's grid" in line
 
 
+def test_poses_of_one_stamp_lose_their_way_not_in_silence(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot("r1", "demo")
+    for x, dt in ((0.0, 0.0), (0.1, 0.1), (5.0, 0.0), (5.1, 0.1), (5.1, 0.0)):  # it begins, and its frame jumps once
+        robot.moved_to((x, 0.0, 0.0), dt)
+    assert not caplog.messages
+    for x in (5.2, 5.3):
+        robot.moved_to((x, 0.0, 0.0), 0.0)
+    (line,) = caplog.messages
+    assert "r1: moved_to(dt=0) again: each time the way is lost" in line
+
+
 def test_a_fix_that_is_told_again_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
     robot = Robot("r1", "demo")
     for x in (2.0, 3.0, 3.0, 3.0):
