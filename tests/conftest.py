@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import re
 import signal
 from collections.abc import Callable, Iterator
@@ -38,6 +39,7 @@ def pytest_configure() -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, lambda *_: None)
+    gc.disable()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -63,10 +65,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """RuntimeError: a worker of pytest-xdist was told to keep the tests of a group together, and does not."""
+    """What was collected is no garbage: a third of the collection's time went into looking for it there.
+
+    RuntimeError: a worker of pytest-xdist was told to keep the tests of a group together, and does not.
+    """
     apart = (item for item in session.items if item.get_closest_marker("xdist_group") and "@" not in item.nodeid)
     if getattr(session.config.option, "loadgroup", False) and next(apart, None):
         raise RuntimeError("pytest-xdist does not group tests with this pytest: each worker would make each costly run")
+    gc.enable()
+    gc.freeze()
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """Alarms: they stay after what raised them is over, keep their beginning, and are bounded."""
 
 import math
+from functools import cache
 from typing import Any
 
 import pytest
@@ -15,8 +16,12 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Dissent, LeftOut, Refusal, Status
 from tests.view.recorded import folded, recorded
 
-CONSENSUS = next(decode(Consensus, e.payload) for e, _ in recorded() if e.kind is Kind.PUT and "/agreed/" in e.key)
 R1 = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
+
+
+@cache
+def agreed() -> Consensus:
+    return next(decode(Consensus, e.payload) for e, _ in recorded() if e.kind is Kind.PUT and "/agreed/" in e.key)
 
 
 def test_what_comes_and_goes_is_one_alarm_until_it_stays_away() -> None:
@@ -95,7 +100,7 @@ def settled(ticks: int, **changes: Any) -> TeamFold:
     team = TeamFold("t")
     for n in range(ticks):
         at = {"tick": n, "time": 0.5 * n}
-        consensus = CONSENSUS.model_copy(update={**at, "conflict": n % 2 == 0, **changes})
+        consensus = agreed().model_copy(update={**at, "conflict": n % 2 == 0, **changes})
         said = Status(process="b", kind="board", phase="agreed", subjects=[consensus.subject], **at)
         for message in (consensus, said):
             team.hear_message({"sub_team": consensus.sub_team}, message, 1, 0.5 * n)
@@ -106,7 +111,7 @@ def test_what_flaps_is_told_once() -> None:
     team = settled(30)
     assert [(event.what, event.severity) for event in team.events] == [("conflict", "warning")]
     for n in range(30, 60):
-        calm = CONSENSUS.model_copy(update={"tick": n, "time": 0.5 * n, "conflict": False})
+        calm = agreed().model_copy(update={"tick": n, "time": 0.5 * n, "conflict": False})
         said = Status(process="b", kind="board", tick=n, time=0.5 * n, phase="agreed", subjects=[calm.subject])
         for message in (calm, said):
             team.hear_message({"sub_team": calm.sub_team}, message, 1, 0.5 * n)
@@ -116,21 +121,21 @@ def test_what_flaps_is_told_once() -> None:
 def test_a_prediction_that_is_ignored_is_no_robot_of_that_name() -> None:
     team = settled(1, conflict=False, left_out=[LeftOut(source="prediction", reason="too far off")])
     (event,) = team.events
-    assert event.text == f"the prediction was ignored about {CONSENSUS.subject}: too far off"
+    assert event.text == f"the prediction was ignored about {agreed().subject}: too far off"
 
 
 def test_who_may_be_anywhere_is_lost_and_who_keeps_disagreeing_a_liar() -> None:
     assert [alarm.what for alarm in settled(9).alarms.all()] == []
     off = Dissent(level="consensus", source="r3", sigmas=5.6, weight=0.1, since=0.0)
-    team = settled(9, entropy=math.log(0.5 * math.prod(CONSENSUS.belief.grid.shape)), dissent=[off])
+    team = settled(9, entropy=math.log(0.5 * math.prod(agreed().belief.grid.shape)), dissent=[off])
     texts = {alarm.what: alarm.text for alarm in team.alarms.all()}
-    assert texts["lost"] == f"{CONSENSUS.subject} is lost: it may be on 50 % of the map"
-    assert texts["liar"] == f"r3 keeps disagreeing about {CONSENSUS.subject}, by 5.6 sigmas"
+    assert texts["lost"] == f"{agreed().subject} is lost: it may be on 50 % of the map"
+    assert texts["liar"] == f"r3 keeps disagreeing about {agreed().subject}, by 5.6 sigmas"
 
 
 def test_who_is_probably_elsewhere_is_lost_too_and_not_for_a_moment_only() -> None:
     (alarm,) = settled(9, lost=0.45).alarms.all()
-    assert alarm.text == f"{CONSENSUS.subject} is lost with 45 %: it may not be where the team believes"
+    assert alarm.text == f"{agreed().subject} is lost with 45 %: it may not be where the team believes"
     assert settled(3, lost=0.45).alarms.all() == []
 
 
@@ -165,8 +170,8 @@ def test_a_robot_that_is_stuck_or_was_moved_says_so_itself(settings: dict[str, s
     team = TeamFold("t")
     said = Status(process="r1", kind="robot", tick=0, time=0.0, phase="reported", settings=settings)
     team.hear_message({"sub_team": "a"}, said, 1, 0.0)
-    board = Status(process="b", kind="board", phase="agreed", tick=0, time=0.0, subjects=[CONSENSUS.subject])
-    consensus = CONSENSUS.model_copy(update={"tick": 0, "time": 0.0})
+    board = Status(process="b", kind="board", phase="agreed", tick=0, time=0.0, subjects=[agreed().subject])
+    consensus = agreed().model_copy(update={"tick": 0, "time": 0.0})
     for message in (consensus, board):
         team.hear_message({"sub_team": consensus.sub_team}, message, 1, 0.1)
     assert [(alarm.what, alarm.who) for alarm in team.alarms.all()] == [(kind, "r1") for kind in kinds]
@@ -174,7 +179,7 @@ def test_a_robot_that_is_stuck_or_was_moved_says_so_itself(settings: dict[str, s
 
 def test_a_moment_waits_for_a_belief_that_its_status_overtook() -> None:
     team = settled(3)
-    consensus = CONSENSUS.model_copy(update={"tick": 3, "time": 1.5})
+    consensus = agreed().model_copy(update={"tick": 3, "time": 1.5})
     said = Status(process="b", kind="board", phase="agreed", subjects=[consensus.subject], tick=3, time=1.5)
     token = keys.BOARD.key(team="t", sub_team=consensus.sub_team, board="b")
     parts = {"team": "t", "sub_team": consensus.sub_team, "board": "b"}
