@@ -1,8 +1,10 @@
 """A simulated robot that gets stuck, is pushed or carried away, or whose odometry jumps: `python -m tests.robot_agent.mishaps` prints how soon it notices."""
 
+import copy
 import math
 import sys
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -46,6 +48,50 @@ def readings(tick: int, way: float, turn: float, sightings: list[Sighting]) -> R
     return Readings(run="a", robot="r1", tick=tick, time=float(tick), sightings=sightings, **told)
 
 
+class Drive:
+    """A robot on its way, and what it said so far."""
+
+    def __init__(self, seed: int, misreads: bool) -> None:
+        self.seed, self.misreads, self.rng = seed, misreads, np.random.default_rng(seed)
+        self.own, self.course = FirstHand("robot/r1", Sensors()), Course()
+        self.x, self.y, self.heading = 0.0, 0.0, 0.0
+
+    def step(
+        self,
+        tick: int,
+        *,
+        stuck: int = 0,
+        push: tuple[float, float] = (0.0, 0.0),
+        turn: float = 0.0,
+        jump: tuple[float, float] = (0.0, 0.0),
+        blind: int = 0,
+    ) -> None:
+        way, angle = DRIVES[(tick + 7 * self.seed) % len(DRIVES)] if tick else (0.0, 0.0)
+        if not BEGAN <= tick < BEGAN + stuck and tick:
+            self._go(angle + 0.01 * self.rng.normal(), way + 0.01 * self.rng.normal())
+        if tick == BEGAN:
+            self.x, self.y, self.heading = self.x + push[0], self.y + push[1], self.heading + turn
+            way, angle = way + jump[0], angle + jump[1]
+        is_blind = BEGAN <= tick < BEGAN + blind or not tick
+        visible = [(n, place) for n, place in enumerate(LANDMARKS) if tick % 3 == n % 3 and not is_blind]
+        seen = [_sighting(n, place, self.x, self.y, self.heading, self.rng, self.misreads) for n, place in visible]
+        self.own.step(readings(tick, way, angle, seen))
+        self._note()
+
+    def _go(self, turned: float, went: float) -> None:
+        middle = self.heading + turned / 2
+        self.x, self.y = self.x + went * math.cos(middle), self.y + went * math.sin(middle)
+        self.heading += turned
+
+    def _note(self) -> None:
+        belief, named, course = self.own.belief, self.own.found(), self.course
+        course.errors.append(math.nan if belief is None else math.dist(belief.mean[:2], (self.x, self.y)))
+        course.stuck.append(named.get("stuck", 0.0))
+        course.moved.append(named.get("moved", 0.0))
+        course.jumped.append(named.get("jumped", 0.0))
+        course.sigmas.append(math.nan if belief is None else math.sqrt(np.trace(belief.covariance[:2, :2])))
+
+
 def course(
     seed: int,
     stuck: int = 0,
@@ -59,29 +105,19 @@ def course(
 
     Or its odometry jumps then, by a way (unit) and a turn (radians), and it sees no landmarks for `blind` seconds.
     """
-    rng, own, course = np.random.default_rng(seed), FirstHand("robot/r1", Sensors()), Course()
-    x, y, heading = 0.0, 0.0, 0.0
-    for tick in range(121):
-        way, angle = DRIVES[(tick + 7 * seed) % len(DRIVES)] if tick else (0.0, 0.0)
-        if not BEGAN <= tick < BEGAN + stuck and tick:
-            turned, went = angle + 0.01 * rng.normal(), way + 0.01 * rng.normal()
-            x, y = x + went * math.cos(heading + turned / 2), y + went * math.sin(heading + turned / 2)
-            heading += turned
-        if tick == BEGAN:
-            x, y, heading = x + push[0], y + push[1], heading + turn
-            way, angle = way + jump[0], angle + jump[1]
-        is_blind = BEGAN <= tick < BEGAN + blind or not tick
-        visible = [(n, place) for n, place in enumerate(LANDMARKS) if tick % 3 == n % 3 and not is_blind]
-        seen = [_sighting(n, place, x, y, heading, rng, misreads) for n, place in visible]
-        own.step(readings(tick, way, angle, seen))
-        belief, named = own.belief, own.found()
-        error = math.nan if belief is None else math.dist(belief.mean[:2], (x, y))
-        course.errors.append(error)
-        course.stuck.append(named.get("stuck", 0.0))
-        course.moved.append(named.get("moved", 0.0))
-        course.jumped.append(named.get("jumped", 0.0))
-        course.sigmas.append(math.nan if belief is None else math.sqrt(np.trace(belief.covariance[:2, :2])))
-    return course
+    drive = copy.deepcopy(_begun(seed, misreads))
+    for tick in range(BEGAN, 121):
+        drive.step(tick, stuck=stuck, push=push, turn=turn, jump=jump, blind=blind)
+    return drive.course
+
+
+@cache
+def _begun(seed: int, misreads: bool) -> Drive:
+    """The drive before any mishap: it is the same for all of them."""
+    drive = Drive(seed, misreads)
+    for tick in range(BEGAN):
+        drive.step(tick)
+    return drive
 
 
 def _sighting(
