@@ -107,6 +107,7 @@ def modules() -> Mapping[str, Path]:
     return {name(path): path for path in sources(*PACKAGES)}
 
 
+@cache
 def room_of(module: str) -> Room | None:
     """The room of a module: that of the longest name that fits. Below the plain package `blackboard` nothing is in its room."""
     fits = [

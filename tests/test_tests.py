@@ -2,6 +2,8 @@
 
 import ast
 from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
 
 from tests.files import ROOT
 
@@ -10,6 +12,11 @@ SETTERS = ("setattr", "getattr", "delattr", "hasattr")
 
 #: Whose tests still look at something private; it is to become empty.
 PRIVATE = {"tests/board/test_learning.py"}
+
+
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def is_private(name: str) -> bool:
@@ -46,7 +53,7 @@ def called(function: ast.expr) -> str:
 
 
 def by_file(what: Callable[[ast.AST], Iterator[str]]) -> dict[str, list[str]]:
-    by_file = {path: list(what(ast.parse(path.read_text(encoding="utf-8")))) for path in FILES}
+    by_file = {path: list(what(parsed(path))) for path in FILES}
     return {str(path.relative_to(ROOT)): names for path, names in by_file.items() if names}
 
 
@@ -59,7 +66,7 @@ def test_nothing_private_of_the_product_is_looked_at() -> None:
 
 
 def test_a_module_without_tests_says_in_its_first_sentence_what_it_is_for() -> None:
-    silent = [path for path in FILES if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))]
+    silent = [path for path in FILES if not ast.get_docstring(parsed(path))]
     assert [str(path.relative_to(ROOT)) for path in silent if path.read_text(encoding="utf-8").strip()] == []
 
 
