@@ -116,7 +116,7 @@ class Disputes(Copyable):
         mine = self._views[subject, observer] = ObserverRecord(score, place, variance, back @ ways)
         for other in self.seeing(subject):
             (one, two), its = sorted((observer, other)), self._views[subject, other]
-            if other != observer and mine.confirms(its):
+            if self._set_back and other != observer and mine.confirms(its):
                 self._set_back.pop((observer, subject), None)
                 self._set_back.pop((other, subject), None)
             is_held = (subject, one, two) in self._held

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 import numpy.typing as npt
@@ -48,7 +48,7 @@ class OffsetScore:
         """The score once only the share `keep` of it counts."""
         return OffsetScore(self.gradient * keep, self.covariance * keep**2, self.share * keep)
 
-    @property
+    @cached_property
     def offset(self) -> Array:
         """The likeliest offset (unit), shape (2,): nothing in directions of which nothing is told."""
         return np.asarray(np.linalg.pinv(self.covariance, rcond=ROUNDED, hermitian=True) @ self.gradient)
