@@ -218,7 +218,7 @@ class TeamState(Copyable):
         The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move.
         """
         observer, subject = relative.observer, relative.subject
-        if subject in self.tracks or self.majority(observer, subject) == 0 or self.walks.velocity(subject) is not None:
+        if subject in self.tracks or self.walks.rolls(subject) or self.majority(observer, subject) == 0:
             return [subject]
         doubted = {end for end in (observer, subject) if self.doubts(end)}
         if self.freshness.doubts(observer) and subject not in self.known and not self.vouching(subject, observer):

@@ -179,6 +179,11 @@ class Walks(Copyable):
         shares = np.exp(PRIOR + self._motions[subject].bank.likelihoods)
         return math.sqrt(float(shares @ FACTORS**2) / float(shares.sum()))
 
+    def rolls(self, subject: str) -> bool:
+        """Whether its sightings say that an object rolls, or it was told."""
+        course = self._course(subject)
+        return course is not None and course.rolls
+
     def velocity(self, subject: str) -> Moments | None:
         """The velocity (unit / s) of an object that rolls: mean, shape (2,), and covariance, shape (2, 2); None of one that walks."""
         course = self._course(subject)
