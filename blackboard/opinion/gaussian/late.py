@@ -15,7 +15,7 @@ from blackboard.opinion.gaussian.state import TeamState
 
 
 def with_way(team: TeamState, relative: Relative, since: float | None = None) -> Relative:
-    """A sighting of an object with how far that has gone since it was taken, or in its last seconds."""
+    """The sighting, with how far its object has gone since it was taken, or in the last `since` seconds."""
     seconds = min(relative.late if since is None else since, team.objects.kept)
     if seconds <= 0 or relative.subject in team.known or relative.subject not in team.joint:
         return relative
@@ -25,7 +25,10 @@ def with_way(team: TeamState, relative: Relative, since: float | None = None) ->
 
 @contextmanager
 def as_it_was(team: TeamState, relative: Relative) -> Iterator[Relative]:
-    """An object where it was when it was seen, and as far as that is not known the sighting with the way since; then it goes on."""
+    """Move an object to where it was when it was seen, and back to now after the block.
+
+    Yields the sighting. If it is older than the last one that was taken, it has the way of the object between both.
+    """
     subject, late = relative.subject, min(relative.late, team.objects.kept)
     if late <= 0 or subject in team.known:
         yield relative

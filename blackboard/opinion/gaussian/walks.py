@@ -207,7 +207,7 @@ class Walks(Copyable):
         return way
 
     def sighted(self, subject: str) -> None:
-        """An object is where a sighting that was just taken puts it."""
+        """A sighting of an object was taken: `rewind` goes back to here."""
         self._since[subject] = _Since(self._motions.get(subject), self._kicked.get(subject))
 
     def rewind(self, subject: str) -> tuple[float, Moments]:
