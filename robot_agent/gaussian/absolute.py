@@ -138,7 +138,7 @@ class AbsoluteSensors:
             drive(self._since, self.robot, motion, self.nuisance)
 
     def without_repeated(self, readings: Readings) -> Readings:
-        """The readings without a fix that is the newest one told again."""
+        """The readings without their fix, if that equals the one before: the receiver repeats it."""
         fix, last = readings.fix, self._newest
         is_again = fix is not None and last is not None and (fix.position, fix.heading) == (last.position, last.heading)
         return readings.model_copy(update={"fix": None}) if is_again else readings

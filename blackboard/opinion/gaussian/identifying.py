@@ -7,7 +7,7 @@ import numpy as np
 
 from blackboard.opinion.classes import ROBOTS, could_be, is_class
 from blackboard.opinion.gaussian.assignment import CLEAR
-from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.evidence import Evidence, end_of_tick
 from blackboard.opinion.gaussian.late import with_way
 from blackboard.opinion.gaussian.linearising import linearise
 from blackboard.opinion.gaussian.naming import Odds, Unnamed, clear
@@ -141,7 +141,7 @@ def _candidates(
     """Of each sighting of a frame the subjects that it may be of, with the sighting as one of that subject."""
     observer, ends = evidence.robot, {robot: known.time for robot, known in team.known.items()}
     ends |= {robot: told.time for robot, told in news.items()}
-    newest = max(told.time for told in news.values())
+    end = end_of_tick(news.values())
     there = {observer} | {sighting.subject for sighting in evidence.relatives if sighting.age == frame[0].age}
     subjects = sorted({*team.known, *team.seen} - there)
     candidates = []
@@ -150,7 +150,7 @@ def _candidates(
         sighting = team.limits.sighting(seen, seen.range) if is_same else seen
         possible = near(team, sighting, motions.get(observer)) if observer in team.joint else ()
         of = [
-            with_way(team, replace(sighting, subject=one, ahead=ends.get(one, newest) - evidence.time))
+            with_way(team, replace(sighting, subject=one, ahead=ends.get(one, end) - evidence.time))
             for one in subjects
             if could_be(sighting.subject, one) and (one not in team.tracks or one in possible)
         ]

@@ -1,4 +1,4 @@
-"""Sightings of objects that were taken some time before they are told: each is held against where its object was then.
+"""Late sightings of objects: each is compared with where the object was when the sighting was taken.
 
 An object's motion is independent of all else. So what `Walks` has moved it since its last sighting can be taken back exactly; it is
 then moved on to the time of the sighting, and after that to now. A sighting that is older than the last one that was taken, out of

@@ -50,7 +50,7 @@ class OffsetScore:
 
     @cached_property
     def offset(self) -> Array:
-        """The likeliest offset (unit), shape (2,): nothing in directions of which nothing is told."""
+        """The most likely offset (unit), shape (2,); 0 along directions in which nothing was measured."""
         return np.asarray(np.linalg.pinv(self.covariance, rcond=ROUNDED, hermitian=True) @ self.gradient)
 
     def is_far(self) -> bool:

@@ -37,7 +37,7 @@ class Relative:
     """A relative belief: where `observer` saw `subject`, as range (unit) and bearing (rad) with their fresh variances.
 
     `age` is seconds before the end of the observer's tick; `ahead` is by how many seconds the subject's tick ended later than
-    that, where ticks are not the world's. An object's tick ends with the last robot's. `biases` are the lasting errors of the range,
+    that, where ticks are not the world's. An object's tick ends with the middle robot's. `biases` are the lasting errors of the range,
     shared by all sightings of one observer in one `group` (by default those of the subject), each with a time constant of its own.
     `profile`, where given, replaces both variances: (distance, variance) pairs of an isotropic error of the seen position,
     interpolated, and to be averaged over the distances at which the subject may be.
@@ -73,7 +73,7 @@ class Relative:
 
     @property
     def late(self) -> float:
-        """Seconds for which its object has moved since."""
+        """Seconds between the sighting and the end of the subject's tick."""
         return self.age + self.ahead
 
     @property

@@ -18,7 +18,7 @@ from blackboard.opinion.gaussian.cameras import by_mates, scaled
 from blackboard.opinion.gaussian.choosing import choose_evidence
 from blackboard.opinion.gaussian.comparing import compare, enter, multiply
 from blackboard.opinion.gaussian.drawing import draw
-from blackboard.opinion.gaussian.evidence import Evidence, Verdict
+from blackboard.opinion.gaussian.evidence import Evidence, Verdict, end_of_tick
 from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_the_mean
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.late import with_way
@@ -238,10 +238,8 @@ class TeamJoint(TeamState):
             (waiting if waits else relatives).append(relative)
         if waiting:
             self.early[robot] = now, tuple(waiting)
-        newest = max(one.time for one in news.values())
-        return replace(
-            evidence, relatives=tuple(replace(r, ahead=ends.get(r.subject, newest) - now) for r in relatives)
-        )
+        end = end_of_tick(news.values())
+        return replace(evidence, relatives=tuple(replace(r, ahead=ends.get(r.subject, end) - now) for r in relatives))
 
     def _predict(self, dt: float, news: Mapping[str, Evidence]) -> dict[str, Motion]:
         """Move every robot that is known and was heard by all that it has travelled since; let biases and objects drift."""

@@ -180,7 +180,7 @@ class Walks(Copyable):
         return math.sqrt(float(shares @ FACTORS**2) / float(shares.sum()))
 
     def rolls(self, subject: str) -> bool:
-        """Whether its sightings say that an object rolls, or it was told."""
+        """Whether an object is taken to roll, with a velocity, and not to walk at random."""
         course = self._course(subject)
         return course is not None and course.rolls
 

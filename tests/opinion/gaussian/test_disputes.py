@@ -87,7 +87,7 @@ def votes(team: TeamJoint) -> dict[str, int]:
 def test_of_two_alone_who_sees_an_object_where_it_is_expected_is_right_if_a_third_saw_it_lately(
     since: float, away: float, right: int
 ) -> None:
-    """Before, both counted the same: the object was half-way to wherever a robot that had lost itself told it."""
+    """Before, both counted the same, and a robot that did not know where it was drew the object half-way to itself."""
     team = TeamJoint()
     watch(team, 5.0, {"robot/r2": (0.0, 0.0), "robot/r3": (0.0, 0.0)})
     watch(team, since, {"robot/r2": (0.0, 0.0)})

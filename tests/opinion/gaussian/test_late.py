@@ -1,4 +1,4 @@
-"""Sightings of objects that are told some time after they were taken: where the object was then is what they say."""
+"""Late sightings of objects say where the object was when they were taken."""
 
 from collections.abc import Mapping, Sequence
 
@@ -120,6 +120,17 @@ def test_robots_that_are_unsure_of_their_places_are_not_to_blame(seed: int) -> N
     for robot, place in PLACES.items():
         apart = team.marginal(robot).mean - place
         assert apart @ np.linalg.solve(team.joint.moments(robot).covariance[AXES, AXES], apart) < 14.0
+
+
+@pytest.mark.parametrize("ahead", [0.5, 10.0])
+def test_one_that_says_that_its_tick_ended_later_makes_the_sightings_of_others_no_older(ahead: float) -> None:
+    errors = []
+    for behind in (0.0, -ahead):
+        team = new_team("learn")
+        for now in range(TICK, 81, TICK):
+            tell(team, TICK * PART, now, [("robot/r1", now, where_it_is(now, 1.0))], {"robot/r4": behind})
+        errors.append(np.hypot(*(team.marginal(BALL).mean - where_it_is(80, 1.0))))
+    assert errors[1] == pytest.approx(errors[0], abs=1e-6)
 
 
 def test_a_sighting_of_long_ago_says_little() -> None:
