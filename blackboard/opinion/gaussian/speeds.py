@@ -38,7 +38,7 @@ class Speeds(Copyable):
         moved = np.array([motion.way, abs(wrap(motion.turn))])
         if seconds <= 0 or not (moved > np.sqrt([motion.along + motion.across, motion.heading])).any():
             return motion
-        usual, speeds = self._known(robot), moved / max(seconds, SHORTEST)
+        usual, speeds = self.usual(robot), moved / max(seconds, SHORTEST)
         self._learn(robot, speeds, seconds)
         way, turn = moved.tolist()
         if not 0 < JUMPS * usual[0] < speeds[0] or way <= math.sqrt(np.trace(pose[AXES, AXES])):
@@ -58,8 +58,8 @@ class Speeds(Copyable):
         self._usual[robot] = after
         self._moved[robot] = moved
 
-    def _known(self, robot: str) -> Array:
-        """How fast this robot usually is, or two others, of which one may lie; 0 while that is not known."""
+    def usual(self, robot: str) -> Array:
+        """How fast this robot usually is, or two others, of which one may lie: unit / s and rad / s; 0 while that is not known."""
         known = {name: self._usual[name] for name, moved in sorted(self._moved.items()) if moved >= ENOUGH}
         own = known.pop(robot, NOTHING)
         return np.maximum(own, np.sort([*known.values()], axis=0)[-2]) if len(known) > 1 else own

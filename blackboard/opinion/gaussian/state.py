@@ -16,6 +16,7 @@ from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Contacts
 from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.disputes import Disputes
+from blackboard.opinion.gaussian.distrust import Distrust
 from blackboard.opinion.gaussian.evidence import UnusedCounts, Verdict
 from blackboard.opinion.gaussian.freshness import Freshness
 from blackboard.opinion.gaussian.influence import Influence
@@ -101,6 +102,7 @@ class TeamState(Copyable):
     walks: Walks = field(default_factory=Walks)
     limits: Limits = field(default_factory=Limits)
     speeds: Speeds = field(default_factory=Speeds)
+    distrust: Distrust = field(default_factory=Distrust)
     naming: Naming = field(default_factory=Naming)
     tracks: Tracks = field(default_factory=Tracks)
     # Where a board that began earlier has tracks, by their names there.
@@ -215,12 +217,15 @@ class TeamState(Copyable):
     def moved_by_sighting(self, relative: Relative) -> list[Block] | None:
         """The same of a sighting: of a track, or what rolls or is in dispute, that alone, else doubted ends, or what only these see.
 
+        Between robots, an end whose odometry is not believed (`distrust`) is the one that is moved.
         The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move.
         """
         observer, subject = relative.observer, relative.subject
         if subject in self.tracks or self.walks.rolls(subject) or self.majority(observer, subject) == 0:
             return [subject]
         doubted = {end for end in (observer, subject) if self.doubts(end)}
+        if subject in self.known:
+            doubted |= {end for end in (observer, subject) if end in self.distrust}
         if self.freshness.doubts(observer) and subject not in self.known and not self.vouching(subject, observer):
             doubted.add(subject)
         return self._of(doubted)

@@ -5,7 +5,7 @@ evidence of one tick (`coalitions.py`). So contradictions are counted over ticks
 that would not fit where the mate has it: a compass, or a fix that is too vague, says nothing of that.
 One mate alone may lie, or be lost itself. So two must see the robot in the same place, and be more than the mates whose sightings fit
 where the joint has it. Then one liar can neither move a robot alone, nor keep it where two honest mates do not see it. In a team of
-three one mate is enough: nobody else sees the robot.
+three one mate is enough: nobody else sees the robot. But who contradicts several robots is rather wrong itself than they.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -158,7 +158,11 @@ class Strayed(Copyable):
 
     def _lengths(self, robot: str, out: Collection[str], robots: int) -> Sequence[float]:
         """How far (unit) each mate that has a robot in the same place would move it, without who is `out`; empty: too few do."""
-        mates = [witness for (of, mate), witness in sorted(self._witnesses.items()) if of == robot and mate not in out]
+        mates = [
+            witness
+            for (of, mate), witness in sorted(self._witnesses.items())
+            if of == robot and mate not in out and not self._is_suspect(mate)
+        ]
         against = [witness for witness in mates if witness.displacement is not None]
         alike = max(
             ([other for other in against if other is one or other.agrees(one)] for one in against),
@@ -169,6 +173,11 @@ class Strayed(Copyable):
         fitting = sum(mate.displacement is None and mate.fitted >= min(ticks, default=0) for mate in mates)
         enough = max(WITNESSES if robots >= OUTVOTED else 1, fitting + 1)
         return [witness.length for witness in alike] if _steady(alike) >= enough and len(ticks) >= PATIENCE else ()
+
+    def _is_suspect(self, mate: str) -> bool:
+        """Whether a mate contradicts several robots, and more than it confirms: rather it is wrong than all of these."""
+        against = [witness.displacement is not None for (_, by), witness in self._witnesses.items() if by == mate]
+        return sum(against) >= WITNESSES and 2 * sum(against) > len(against)
 
     def forget(self, robot: str) -> None:
         """Drop all that was counted about a robot and by it: it was about a place where the joint no longer has the robot."""

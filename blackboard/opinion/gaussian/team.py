@@ -46,9 +46,9 @@ class TeamJoint(TeamState):
         """Take the evidence of one tick of `dt` seconds; a tick that is settled already changes nothing.
 
         Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back. Who keeps one side may
-        be turned: its sightings, which move itself alone then, turn it back. Taken back is also what it has moved
-        an object that more robots see elsewhere, or that it alone has led farther than that goes. What an object has moved is taken
-        back where a dispute about it begins.
+        be turned, or its wheels measure nothing: its odometry is not believed for now (`distrust`). Taken back is also what it has
+        moved an object that more robots see elsewhere, or that it alone has led farther than that goes. What an object has moved is
+        taken back where a dispute about it begins.
 
         Degenerate: some evidence leaves no Gaussian that can be kept. The team is in no defined state then.
         """
@@ -84,7 +84,7 @@ class TeamJoint(TeamState):
         """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
         self.influence.take_back(self.joint, robot)
         if self.offsets.doubts(robot) and robot in self.joint:
-            self.forget_heading(robot)
+            self.distrust.begin(robot)
         self.offsets.forget_scores()
         for subject in self.trust.judged(robot) & set(self.seen):
             self.walks.forget(subject)
@@ -103,6 +103,9 @@ class TeamJoint(TeamState):
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
             told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance, evidence.camera
             self.known[robot] = Known(known.epoch, *told)
+        for robot in news:
+            if robot in self.distrust and self.knows(robot):
+                self.distrust.judge(robot, self.joint.moments(robot), self.speeds.usual(robot))
         self._widen_strayed()
         self.forget_objects()
         end_tick(self)
@@ -111,10 +114,11 @@ class TeamJoint(TeamState):
 
     def _widen_strayed(self) -> None:
         """Widen the pose of who has strayed, by no more than the width of the map."""
-        unheard = {robot for robot in self.known if robot in self.left_out or self.doubts(robot)}
+        unheard = {robot for robot in self.known if not self._is_heard(robot) or robot in self.distrust}
         for robot, away in self.strayed.end_tick(len(self.known), unheard).items():
             if self.knows(robot):
                 self.widen(robot, min(away, math.sqrt(self.naming.area)))
+                self.distrust.begin(robot)
                 self.trust.forget(robot)
                 self.offsets.forget(robot)
 
@@ -254,7 +258,9 @@ class TeamJoint(TeamState):
                 since = evidence.time - known.time
                 seconds = min((span for span in (motion.dt, since) if span > 0), default=0.0)
                 pose = self.joint.moments(robot).covariance
-                motions[robot] = self.speeds.on_motion(robot, unheard, seconds, pose).after(known.motion, since)
+                told, usual = self.speeds.on_motion(robot, unheard, seconds, pose), self.speeds.usual(robot)
+                believed = self.distrust.on_motion(robot, told, max(dt, seconds), evidence.nuisance, usual)
+                motions[robot] = believed.after(known.motion, since)
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)
         self.forget_errors(dt)

@@ -8,7 +8,7 @@ import pytest
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.state import ABSURD
-from blackboard.opinion.gaussian.strayed import PATIENCE
+from blackboard.opinion.gaussian.strayed import PATIENCE, Strayed, displacement_of
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, Motion, Nuisance, entering
 from tests.opinion.gaussian.square import PLACES, compass, evidence_of, increment_at, new_team, sees
@@ -87,6 +87,17 @@ def test_in_a_team_of_three_a_robot_that_one_mate_alone_sees_is_where_that_sees_
         settle(team, tick, ("robot/r1", "robot/r2", HERE), robots=3)
     assert off(team, "robot/r2", HERE) < 0.3
     assert off(team, "robot/r1", PLACES["robot/r1"]) < 0.1
+
+
+@pytest.mark.parametrize(("both", "strayed"), [(False, {"robot/r2"}), (True, set())])
+def test_in_a_team_of_three_one_mate_is_enough_unless_it_contradicts_both_others(both: bool, strayed: set[str]) -> None:
+    """A robot with GPS whose wheels measured nothing had fixes that fitted where it believed to be, so both others were widened."""
+    machine, away, found = Strayed(), displacement_of(np.eye(2), np.array([4.0, 0.0])), set[str]()
+    for _ in range(PATIENCE):
+        for robot in ("robot/r2", "robot/r3")[: 1 + both]:
+            machine.contradict(robot, "robot/r1", away)
+        found |= set(machine.end_tick(3))
+    assert found == strayed
 
 
 @pytest.mark.parametrize("misread", [LONG, PATIENCE + 2])
