@@ -98,7 +98,7 @@ def of_robot(name: str, settings: Mapping[str, object]) -> dict[tuple[str, str],
         alarms["stuck", name] = f"{name} is stuck: for {stuck:.0f} s its wheels have turned while it stood"
     if settings.get("moved") == 1.0:
         alarms["moved", name] = (
-            f"{name} is not where its wheels led: it was pushed or carried, or its landmarks are wrong"
+            f"{name} is not where its wheels led: it was pushed or carried, or its wheels or landmarks are wrong"
         )
     if settings.get("jumped") == 1.0:
         alarms["jumped", name] = f"{name}'s odometry jumped, so that step counts as unknown: was its frame set anew?"

@@ -18,6 +18,7 @@ from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.relation import bias_block
 from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, Nuisance, correct, drive, wrap
 from blackboard.wire.messages import Fix, Readings
+from robot_agent.gaussian.drifting import Drifting
 from robot_agent.gaussian.factors import NoiseFactor, NoiseFactors
 
 #: Seconds after which the lasting error of a fix is another one, an Ornstein-Uhlenbeck process as of receivers at rest (Sensors
@@ -99,6 +100,7 @@ class AbsoluteSensors:
     nuisance: Nuisance
     fix: NoiseFactor = field(default_factory=NoiseFactor)  # of the independent noise of fixes
     headings: dict[str, NoiseFactor] = field(default_factory=dict)  # of the noise of headings: "compass", "fix heading"
+    drifting: Drifting = field(default_factory=Drifting)
     _factors: dict[str, NoiseFactors] = field(default_factory=dict)
     _newest: Fix | None = None
     _since: Joint | None = None  # the robot's motion since the newest fix, by odometry
@@ -123,6 +125,7 @@ class AbsoluteSensors:
         """The belief was given up: the next fix is not compared with the one before."""
         self._newest, self._since = None, None
         self._beyond.clear()
+        self.drifting.forget()
 
     def fits(self) -> None:
         """Landmarks fit the belief, so readings beyond the gate do not speak against it."""
@@ -153,7 +156,7 @@ class AbsoluteSensors:
         Whether there is a fix that is not beyond it.
         """
         if (fix := readings.fix) is not None:
-            self._judge(joint, fix)
+            self._judge(joint, fix, readings.time)
             self._correct(joint, "fix", self.fix_factor(joint, fix), readings.time)
         for name, (heading, sigma) in headings(readings, compass).items():
             noise = self.headings.setdefault(name, NoiseFactor())
@@ -168,12 +171,18 @@ class AbsoluteSensors:
             self._factors[name] = NoiseFactors((noise,), wild=True)
         return self._factors[name]
 
-    def _judge(self, joint: Joint, fix: Fix) -> None:
+    def forget_noise(self) -> None:
+        """The noise of fixes was judged by odometry that was wrong."""
+        self.fix = NoiseFactor()
+        self._factors.pop("fix", None)
+
+    def _judge(self, joint: Joint, fix: Fix, time: float) -> None:
         """Weigh the noise of fixes by the distance between two in a row, less the way between them by odometry."""
         belief = joint.moments(self.robot)
         if self._newest is not None and self._since is not None:
             led = self._since.moments(self.robot)
             error = np.array(fix.position) - np.array(self._newest.position) - led.mean[AXES]
+            self.drifting.on_error(time, error)
             fresh = np.eye(2) * (fix.sigma**2 + self._newest.sigma**2)
             self._factors_of("fix", self.fix).weigh(error, led.covariance[AXES, AXES], fresh[np.newaxis])
         here = Moments(belief.mean.copy(), belief.covariance.copy())

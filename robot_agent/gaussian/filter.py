@@ -16,6 +16,7 @@ import numpy as np
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.coalitions import KNOWN
+from blackboard.opinion.gaussian.distrust import Distrust
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
@@ -58,6 +59,8 @@ REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief t
 #: Squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there.
 NEAR, ABSURD = (30.0, 1e4)
 LARGEST = 1e7  # of a place (unit) and of its variances: boards refuse more
+STEADY = 0.5  # times its usual speed: so fast must fixes leave the odometry of a robot, that it counts as wrong
+HEADED = 0.3  # radians: of a robot whose heading is known worse they leave it, because it is taken to drive elsewhere
 STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
 
 
@@ -94,6 +97,8 @@ class FirstHand:
     _search: PlaceSearch = field(init=False)
     wheels: WheelNoise = field(init=False)
     speeds: Speeds = field(default_factory=Speeds)
+    distrust: Distrust = field(default_factory=Distrust)
+    _usual: Array = field(default_factory=lambda: np.zeros(2))  # how fast it moves while its odometry is not believed
     jumped: bool = False  # whether the odometry jumped in the newest tick
     mishaps: Mishaps = field(init=False)
     camera: CameraNoise = field(default_factory=CameraNoise)
@@ -148,6 +153,8 @@ class FirstHand:
         # landmark would seem to tell it, if they were linearised elsewhere than the motion between.
         linear = team if apart <= NEAR and not self._is_lent else None
         self._take(readings, landmarks, motion, linear, named)
+        if self.known:
+            self.distrust.judge(self.robot, self.joint.moments(self.robot), self._usual)
         increment, unsent = self._gained(prediction), self._gained(self._unsent.before)
         others += self._unnamed(readings, motion.dt)
         if self._gave_up(readings, team, apart):
@@ -217,9 +224,11 @@ class FirstHand:
         if self.known and _is_absurd(self.joint):
             self.restart(readings.time)
             return True
-        contradicted = self.known and self.absolute.contradicts(readings.time)
+        adrift = self._adrift(readings.fix)
+        contradicted = self.known and (adrift > 0 or self.absolute.contradicts(readings.time))
         if not contradicted and not self.lost():
             return False
+        self._distrust(adrift)
         self.mishaps.moved = 1.0
         self._unsent.forget()
         if contradicted:
@@ -232,6 +241,21 @@ class FirstHand:
             self.restart(readings.time)
             self._start(readings)
         return True
+
+    def _adrift(self, fix: Fix | None) -> float:
+        """Unit / s, at which fixes leave the odometry, where that is no error of a scale or of the heading; else 0."""
+        if fix is None or not self.known or self.robot in self.distrust:
+            return 0.0
+        speed = self.absolute.drifting.speed(fix.sigma)
+        is_headed = self.joint.moments(self.robot).covariance[HEADING, HEADING] < HEADED**2
+        return speed if is_headed and speed >= STEADY * self.speeds.usual(self.robot)[0] else 0.0
+
+    def _distrust(self, speed: float) -> None:
+        """The odometry was contradicted: the robot may move in any way, as fast as usually, or at this speed (unit / s)."""
+        self._usual = np.maximum(self.speeds.usual(self.robot), [speed, 0.0])
+        if self._usual[0]:
+            self.distrust.begin(self.robot)
+            self.absolute.forget_noise()
 
     def _judge_wheels(self, at: Moments | None) -> None:
         """By the beliefs after the tick before: the own one, and the team's where it is plausible."""
@@ -278,7 +302,8 @@ class FirstHand:
             return {"moved": 1.0} if self.mishaps.moved else {}
         if not any(self.sensors.wheels.nuisance.sigmas):
             return jumped
-        return jumped | findings(team or belief, self.wheels, self.camera, self.absolute, self.mishaps)
+        found = findings(team or belief, self.wheels, self.camera, self.absolute, self.mishaps)
+        return jumped | found | ({"moved": 1.0} if self.robot in self.distrust else {})
 
     def silent(self) -> None:
         """The evidence of the newest tick was not sent: what is gained in the next one is gained over what was known before it."""
@@ -357,6 +382,9 @@ class FirstHand:
         motion = self.sensors.wheels.motion(told, earlier)
         motion = self._learning_from(motion, self.jitter.significance(told))
         scaled = self._without_jump(self.wheels.scaled(motion))
+        if self.known and self.robot in self.distrust:
+            scaled = self.distrust.on_motion(self.robot, scaled, motion.dt, self.sensors.wheels.nuisance, self._usual)
+            self.wheels.give_up()
         motion = scaled.plus(blind)
         self._turned = max(abs(told.turn), abs(told.turn - (told if earlier is None else earlier).turn))
         heading = self._heading()

@@ -122,7 +122,8 @@ class Grounds(Robots):
     """A board and a team of robots that are driven by a ground. `each`: pieces of odometry are told one by one, not summed.
 
     They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts. A share of `wild` sightings is of anywhere
-    in view, and their ranges are `longer` by this factor, but not for the filters beside the team.
+    in view, and their ranges are `longer` by this factor, but not for the filters beside the team. Nor is it so there that wheels
+    are `dead`, from and until a time (s): they measure nothing while the robot drives on.
     """
 
     def __init__(
@@ -135,6 +136,7 @@ class Grounds(Robots):
         unplaced: Collection[str] = (),
         wild: float = 0.0,
         longer: float = 1.0,
+        dead: Mapping[str, tuple[float, float]] | None = None,
         **board: object,
     ) -> None:
         width, height = ground.size
@@ -149,6 +151,7 @@ class Grounds(Robots):
         )
         super().__init__(chosen, 0.2 * (0.618 * ground.seed % 1.0))
         self.ground, self.told, self.each, self.alone, self.unplaced = ground, told, each, alone, unplaced
+        self.dead = dict(dead or {})
         self.wild, self.longer, self.random = wild, longer, np.random.default_rng([ground.seed, 1])
 
     def play(self, seconds: float) -> Scores:
@@ -184,6 +187,9 @@ class Grounds(Robots):
             return SinceStep() if robot in self.unplaced else since
         since = replace(since, sightings=tuple(self._misread(seen, kit) for seen in since.sightings))
         since = since if self.alone is None else parts_alone(since, self.alone)
+        begin, end = self.dead.get(robot, (0.0, 0.0))
+        if begin <= self.ground.time < end:
+            pieces = [replace(piece, distance=0.0, turn=0.0) for piece in pieces]
         for part in [[piece] for piece in pieces] if self.each else [pieces]:
             since = since.plus(SinceStep(odometry_of(part, kit, self.told)))
         return since
