@@ -29,9 +29,10 @@ MEMBER = 0.5  # the least mass of the coalitions that a member of the winning on
 
 @dataclass(frozen=True)
 class Choice:
-    """Who is in the winning coalition, and the shares of the coalitions of 1, 2, ... opinions (V-.2)."""
+    """Who is in the winning coalition, who is not, and the shares of the coalitions of 1, 2, ... opinions (V-.2)."""
 
     members: frozenset[str]
+    others: frozenset[str]
     components: tuple[float, ...]
 
     @property
@@ -47,7 +48,7 @@ def choose(opinions: Mapping[str, Moments], rule: Coalition) -> Choice:
     drawn = np.stack([draw(grid, opinions[name]).p for name in names])
     pooled = rule.pool(drawn, entropy_weights(drawn))
     members = frozenset(name for name, mass in zip(names, pooled.weights, strict=True) if mass > MEMBER)
-    return Choice(members, tuple(float(share) for share in pooled.components))
+    return Choice(members, frozenset(names) - members, tuple(float(share) for share in pooled.components))
 
 
 def about(

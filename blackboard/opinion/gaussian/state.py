@@ -426,9 +426,14 @@ class TeamState(Copyable):
         return True
 
     def outvoted(self, robot: str, source: str) -> tuple[str, ...]:
-        """The members of the coalition that is believed about a robot's place, where a source is not among them."""
+        """The members of the coalition that is believed about a robot's place, where a source is not among them.
+
+        A robot's own evidence that is of no place, as of a compass, is not outvoted about one. A bearing alone of others is.
+        """
         choice = self.tally.choices.get(robot)
         if choice is None or len(choice.members) < 2 or source in choice.members:
+            return ()
+        if source == robot and source not in choice.others:
             return ()
         return tuple(sorted(choice.members))
 

@@ -16,10 +16,10 @@ from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import STATES, Motion, Nuisance, entering
+from blackboard.opinion.gaussian.vehicle import HEADING, STATES, Motion, Nuisance, entering
 from blackboard.opinion.grid import Array
 from tests.opinion.gaussian import driving
-from tests.opinion.gaussian.square import PLACES, evidence_of, increment_at, new_team, sees
+from tests.opinion.gaussian.square import PLACES, compass, evidence_of, increment_at, new_team, sees
 
 
 def place(x: float, y: float) -> Moments:
@@ -45,7 +45,8 @@ def test_whatever_the_opinions_are_the_choice_is_one(seed: int) -> None:
         root = chance.normal(0, 10.0 ** chance.uniform(-3, 2), (2, 2))
         opinions[name] = Moments(chance.normal(0, 10.0 ** chance.uniform(-2, 3), 2), root @ root.T + np.eye(2) * 1e-8)
     chosen = choose(opinions, Coalition())
-    assert chosen.members <= opinions.keys()
+    assert chosen.members | chosen.others == opinions.keys()
+    assert not chosen.members & chosen.others
     assert sum(chosen.components) == pytest.approx(1.0)
     shifted = {name: Moments(opinion.mean + [3.0, -7.0], opinion.covariance) for name, opinion in opinions.items()}
     assert choose(shifted, Coalition()).members == chosen.members
@@ -72,6 +73,18 @@ def carried(*relatives: Relative, own: Array | None = None) -> TeamJoint:
     increments = {"robot/r1": None if own is None else increment_at(*own)}
     team.settle(1, 1.0, [evidence_of(robot, 1, *by[robot], increment=increments.get(robot)) for robot in PLACES])
     return team
+
+
+def test_a_compass_is_not_outvoted_about_a_place() -> None:
+    """One liar each tick was enough for its heading to be left out though it fitted, and after five for it to be forgotten."""
+    team = new_team()
+    for tick in range(1, 12):
+        news = [evidence_of("robot/r2", tick, increment=compass())]
+        for robot, at in {"robot/r1": (5.0, 0.0), "robot/r3": (5.0, 0.0), "robot/r4": (5.0, -2.0)}.items():
+            news.append(evidence_of(robot, tick, sees(robot, "robot/r2", at), increment=increment_at(*PLACES[robot])))
+        verdicts = team.settle(tick, 1.0, news)
+        assert [verdict.taken for verdict in verdicts if verdict.source == verdict.subject == "robot/r2"] == [True]
+        assert team.pose("robot/r2").covariance[HEADING, HEADING] < 0.03**2
 
 
 def test_one_voice_against_the_prediction_is_left_out() -> None:
