@@ -105,7 +105,8 @@ class TeamJoint(TeamState):
             self.known[robot] = Known(known.epoch, *told)
         for robot in news:
             if robot in self.distrust and self.knows(robot):
-                self.distrust.judge(robot, self.joint.moments(robot), self.speeds.usual(robot))
+                with self.blaming(robot):
+                    self.distrust.judge(robot, self.joint.moments(robot), self.speeds.usual(robot))
         self._widen_strayed()
         self.forget_objects()
         end_tick(self)
@@ -259,7 +260,7 @@ class TeamJoint(TeamState):
                 seconds = min((span for span in (motion.dt, since) if span > 0), default=0.0)
                 pose = self.joint.moments(robot).covariance
                 told, usual = self.speeds.on_motion(robot, unheard, seconds, pose), self.speeds.usual(robot)
-                believed = self.distrust.on_motion(robot, told, max(dt, seconds), evidence.nuisance, usual)
+                believed = self.distrust.on_motion(robot, told, max(dt, since), evidence.nuisance, usual)
                 motions[robot] = believed.after(known.motion, since)
                 drive(self.joint, robot, motions[robot], evidence.nuisance)
                 self.limits.drive(robot, motions[robot], evidence.nuisance)

@@ -220,3 +220,13 @@ def test_headings_that_are_misread_now_and_then_make_no_robot_less_sure() -> Non
         team.settle(tick, 1.0, news)
         spreads.append(spread(team, "robot/r2"))
     assert max(spreads) < 1.1 * spreads[0]
+
+
+def test_who_claims_that_a_step_took_ages_is_not_believed_the_sooner() -> None:
+    team = new_team()
+    team.distrust.begin("robot/r2")
+    for tick in range(1, 5):
+        news = [evidence_of(robot, tick) for robot in PLACES]
+        ages = Motion(dt=tick * 1e6, moving=tick * 1e6)
+        team.settle(tick, 1.0, [replace(one, travelled=ages) if one.robot == "robot/r2" else one for one in news])
+    assert "robot/r2" in team.distrust
