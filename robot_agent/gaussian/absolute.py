@@ -172,7 +172,7 @@ class AbsoluteSensors:
         return self._factors[name]
 
     def forget_noise(self) -> None:
-        """The noise of fixes was judged by odometry that was wrong."""
+        """Forget what was learned of the noise of fixes, because the odometry that it was learned by was wrong."""
         self.fix = NoiseFactor()
         self._factors.pop("fix", None)
 

@@ -59,8 +59,12 @@ REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief t
 #: Squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there.
 NEAR, ABSURD = (30.0, 1e4)
 LARGEST = 1e7  # of a place (unit) and of its variances: boards refuse more
-STEADY = 0.5  # times its usual speed: so fast must fixes leave the odometry of a robot, that it counts as wrong
-HEADED = 0.3  # radians: of a robot whose heading is known worse they leave it, because it is taken to drive elsewhere
+ADRIFT = (
+    0.5  # times its usual speed: the odometry is wrong where fixes move away from it faster; slower, its scale may be
+)
+HEADED = (
+    0.3  # radians: with a worse known heading fixes move away from the odometry, because it leads in a wrong direction
+)
 STRAYED = 0.7  # radians: a robot without a compass that may have turned more, unmeasured, has no Gaussian belief
 
 
@@ -153,7 +157,7 @@ class FirstHand:
         # landmark would seem to tell it, if they were linearised elsewhere than the motion between.
         linear = team if apart <= NEAR and not self._is_lent else None
         self._take(readings, landmarks, motion, linear, named)
-        if self.known:
+        if self.known and self.robot in self.distrust:
             self.distrust.judge(self.robot, self.joint.moments(self.robot), self._usual)
         increment, unsent = self._gained(prediction), self._gained(self._unsent.before)
         others += self._unnamed(readings, motion.dt)
@@ -243,15 +247,15 @@ class FirstHand:
         return True
 
     def _adrift(self, fix: Fix | None) -> float:
-        """Unit / s, at which fixes leave the odometry, where that is no error of a scale or of the heading; else 0."""
+        """The speed (unit / s) at which fixes move away from the odometry; 0 where a scale or the heading may explain it."""
         if fix is None or not self.known or self.robot in self.distrust:
             return 0.0
         speed = self.absolute.drifting.speed(fix.sigma)
         is_headed = self.joint.moments(self.robot).covariance[HEADING, HEADING] < HEADED**2
-        return speed if is_headed and speed >= STEADY * self.speeds.usual(self.robot)[0] else 0.0
+        return speed if is_headed and speed >= ADRIFT * self.speeds.usual(self.robot)[0] else 0.0
 
     def _distrust(self, speed: float) -> None:
-        """The odometry was contradicted: the robot may move in any way, as fast as usually, or at this speed (unit / s)."""
+        """Do not believe the odometry for now: the robot may move in any way, at its usual speed, or at this one (unit / s)."""
         self._usual = np.maximum(self.speeds.usual(self.robot), [speed, 0.0])
         if self._usual[0]:
             self.distrust.begin(self.robot)

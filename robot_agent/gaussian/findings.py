@@ -47,7 +47,7 @@ def findings(
     """Of a belief of the whole block, shape (12,) and (12, 12). Scales are true over told; sigmas follow their value.
 
     Noise is the factor of the model's sigma. `stuck`: seconds for which its wheels have turned while it stood; `moved`: 1 while it is
-    elsewhere than its odometry led, or that is not believed.
+    elsewhere than its odometry led, or while its odometry is not believed.
     """
     told = {}
     for name, (base, row) in FOUND.items():

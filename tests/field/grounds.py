@@ -122,8 +122,8 @@ class Grounds(Robots):
     """A board and a team of robots that are driven by a ground. `each`: pieces of odometry are told one by one, not summed.
 
     They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts. A share of `wild` sightings is of anywhere
-    in view, and their ranges are `longer` by this factor, but not for the filters beside the team. Nor is it so there that wheels
-    are `dead`, from and until a time (s): they measure nothing while the robot drives on.
+    in view, and their ranges are `longer` by this factor. Wheels are `dead` from and until a time (s): they measure nothing while
+    the robot drives on. The filters beside the team get the right ranges and odometry.
     """
 
     def __init__(

@@ -18,7 +18,7 @@ from blackboard.opinion.grid import Array
 LASTING = 1.0  # seconds for which a robot usually goes on in one direction
 SPAN = (3.0, 30.0)  # seconds of odometry that are compared with what was seen: at least, at most
 TURNING = 1.0  # rad / s, while it is not known how fast robots turn
-SURE = 3.0  # nats for the odometry, by which it is believed again: odds of 20 to 1
+SURE = 3.0  # nats: the odometry is believed again where it is 20 times as likely to be right as not
 LONGEST = 30.0  # seconds without anything against the odometry, after which it is believed again
 
 
@@ -26,11 +26,11 @@ LONGEST = 30.0  # seconds without anything against the odometry, after which it 
 class Record:
     """Of one robot whose odometry is not believed."""
 
-    nats: float = 0.0  # by how much what was seen speaks for the odometry, at least -SURE
-    unopposed: float = 0.0  # seconds since it spoke against it
-    began: float = np.inf  # how badly its place was known when a span of odometry began, unit ** 2
-    alone: Moments | None = None  # its block, by its odometry alone since then
-    seconds: float = 0.0  # since then
+    nats: float = 0.0  # the sum of log likelihood ratios for the odometry, at least -SURE
+    unopposed: float = 0.0  # seconds since a ratio was against it
+    began: float = np.inf  # variance of its place (unit ** 2) when the present span of odometry began
+    alone: Moments | None = None  # its block, by odometry alone since the span began
+    seconds: float = 0.0  # since the span began
 
 
 @dataclass
@@ -43,11 +43,11 @@ class Distrust(Copyable):
         return robot in self._records
 
     def begin(self, robot: str) -> None:
-        """A robot was not where its odometry had it."""
+        """Do not believe the odometry of a robot from now on."""
         self._records[robot] = Record()
 
     def on_motion(self, robot: str, motion: Motion, seconds: float, nuisance: Nuisance, usual: Array) -> Motion:
-        """The motion of a step of so many `seconds`, with the noise of one that may have been in any direction."""
+        """The motion of a step of so many `seconds`, with the noise of a motion in any direction if the odometry is not believed."""
         record = self._records.get(robot)
         if record is None or seconds <= 0:
             return motion
@@ -64,7 +64,7 @@ class Distrust(Copyable):
         return replace(motion, along=motion.along + way, across=motion.across + way, heading=motion.heading + turn)
 
     def judge(self, robot: str, belief: Moments, usual: Array) -> None:
-        """Hold a robot's odometry against where it is believed to be, its whole block, shape (12,) and (12, 12)."""
+        """Compare a robot's odometry with where the robot is believed to be, its whole block, shape (12,) and (12, 12)."""
         record = self._records.get(robot)
         if record is None:
             return
@@ -75,7 +75,7 @@ class Distrust(Copyable):
         way, turn = _variances(usual, record.seconds)
         if record.seconds < shortest or _spread(alone) + now > way:
             return
-        shown = _for(alone, belief, way, turn)
+        shown = _log_ratio(alone, belief, way, turn)
         if record.nats + shown > SURE:
             del self._records[robot]
         else:
@@ -93,7 +93,7 @@ def _variances(usual: Array, seconds: float) -> tuple[float, float]:
     return 2.0 * LASTING * seconds * speed**2, 2.0 * LASTING * seconds * (turning or TURNING) ** 2
 
 
-def _for(alone: Moments, belief: Moments, way: float, turn: float) -> float:
+def _log_ratio(alone: Moments, belief: Moments, way: float, turn: float) -> float:
     """Log likelihood (nats) of where a robot is if its odometry is right, over that if it may have moved in any way."""
     off = belief.mean[POSE] - alone.mean[POSE]
     off[HEADING] = wrap(float(off[HEADING]))

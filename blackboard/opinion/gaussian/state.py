@@ -199,15 +199,8 @@ class TeamState(Copyable):
         position, heading = WIDENED
         noise[AXES, AXES] = position**2 * block.covariance[AXES, AXES] + away**2 * np.eye(2)
         noise[HEADING, HEADING] = heading**2
-        self.joint.move(robot, block.mean, np.eye(STATES), noise)
         if away:
-            self.forget_heading(robot)
-
-    def forget_heading(self, robot: str) -> None:
-        """A robot may look anywhere: what it sees elsewhere, it may see in another direction."""
-        block = self.joint.moments(robot)
-        noise = np.zeros((STATES, STATES))
-        noise[HEADING, HEADING] = max(0.0, ANYWHERE - block.covariance[HEADING, HEADING])
+            noise[HEADING, HEADING] = max(heading**2, ANYWHERE - block.covariance[HEADING, HEADING])
         self.joint.move(robot, block.mean, np.eye(STATES), noise)
 
     def moved_by(self, robot: str) -> list[Block] | None:
@@ -217,7 +210,7 @@ class TeamState(Copyable):
     def moved_by_sighting(self, relative: Relative) -> list[Block] | None:
         """The same of a sighting: of a track, or what rolls or is in dispute, that alone, else doubted ends, or what only these see.
 
-        Between robots, an end whose odometry is not believed (`distrust`) is the one that is moved.
+        Of two robots, only one whose odometry is not believed (`distrust`) is moved.
         The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move.
         """
         observer, subject = relative.observer, relative.subject
@@ -428,7 +421,7 @@ class TeamState(Copyable):
     def outvoted(self, robot: str, source: str) -> tuple[str, ...]:
         """The members of the coalition that is believed about a robot's place, where a source is not among them.
 
-        A robot's own evidence that is of no place, as of a compass, is not outvoted about one. A bearing alone of others is.
+        The robot's own evidence that says nothing about its place, as a compass, is not outvoted. A mate's bearing alone is.
         """
         choice = self.tally.choices.get(robot)
         if choice is None or len(choice.members) < 2 or source in choice.members:

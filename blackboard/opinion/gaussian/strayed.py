@@ -5,7 +5,7 @@ evidence of one tick (`coalitions.py`). So contradictions are counted over ticks
 that would not fit where the mate has it: a compass, or a fix that is too vague, says nothing of that.
 One mate alone may lie, or be lost itself. So two must see the robot in the same place, and be more than the mates whose sightings fit
 where the joint has it. Then one liar can neither move a robot alone, nor keep it where two honest mates do not see it. In a team of
-three one mate is enough: nobody else sees the robot. But who contradicts several robots is rather wrong itself than they.
+three one mate is enough: nobody else sees the robot. A mate that contradicts several robots is probably wrong itself: no witness.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -175,7 +175,7 @@ class Strayed(Copyable):
         return [witness.length for witness in alike] if _steady(alike) >= enough and len(ticks) >= PATIENCE else ()
 
     def _is_suspect(self, mate: str) -> bool:
-        """Whether a mate contradicts several robots, and more than it confirms: rather it is wrong than all of these."""
+        """Whether a mate contradicts several robots, and more than it confirms: then it is probably wrong itself."""
         against = [witness.displacement is not None for (_, by), witness in self._witnesses.items() if by == mate]
         return sum(against) >= WITNESSES and 2 * sum(against) > len(against)
 

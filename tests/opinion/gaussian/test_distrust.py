@@ -21,7 +21,7 @@ def moments_at(pose: np.ndarray) -> Moments:
 
 
 def seconds_distrusted(told: Motion, *, seed: int = 0, longest: float = LONGEST) -> float:
-    """For how long its odometry is not believed, of a robot that drives `STEP`, is seen every half second, and tells something."""
+    """Seconds until a robot's odometry is believed again. It drives `STEP` and is seen after each; its odometry says `told`."""
     random, distrust, truth = np.random.default_rng(seed), Distrust(), Joint.of({ROBOT: moments_at(np.zeros(3))})
     distrust.begin(ROBOT)
     for number in range(round(longest / STEP.dt)):
@@ -34,7 +34,7 @@ def seconds_distrusted(told: Motion, *, seed: int = 0, longest: float = LONGEST)
     return longest
 
 
-def test_of_who_was_never_contradicted_a_motion_is_as_told() -> None:
+def test_a_motion_is_as_told_if_the_odometry_was_never_contradicted() -> None:
     distrust = Distrust()
     distrust.begin("robot/r2")
     assert distrust.on_motion(ROBOT, STEP, STEP.dt, NUISANCE, USUAL) is STEP
