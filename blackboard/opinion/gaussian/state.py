@@ -421,12 +421,12 @@ class TeamState(Copyable):
     def outvoted(self, robot: str, source: str) -> tuple[str, ...]:
         """The members of the coalition that is believed about a robot's place, where a source is not among them.
 
-        The robot's own evidence that says nothing about its place, as a compass, is not outvoted. A mate's bearing alone is.
+        What had no vote, the robot's compass and its sightings of objects, is not outvoted. A mate's bearing alone is.
         """
         choice = self.tally.choices.get(robot)
         if choice is None or len(choice.members) < 2 or source in choice.members:
             return ()
-        if source == robot and source not in choice.others:
+        if source not in choice.others and (source == robot or source not in self.known):
             return ()
         return tuple(sorted(choice.members))
 
