@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from blackboard.opinion.gaussian.coalitions import PREDICTION
+from blackboard.opinion.gaussian.distrust import DISTRUSTED
 from blackboard.state.moments import Moment
 from blackboard.wire.messages import Consensus
 
@@ -123,6 +124,11 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
             shown[subject, one.source] = alarms["liar", one.source] = text
         for out in consensus.left_out:
             shown[subject, out.source] = f"{named(out.source)} was ignored about {subject}: {out.reason}"
+        if consensus.parameters.get(DISTRUSTED) == 1.0:
+            robot = subject.removeprefix("robot/")
+            alarms["moved", robot] = (
+                f"{robot} is not where its odometry led, its mates see: it was pushed or carried, or its wheels or gyro are wrong"
+            )
         if text := _lost(consensus, cells):
             alarms["lost", subject] = text
         for learned in consensus.learned:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from blackboard.opinion.gaussian.coalitions import PREDICTION
+from blackboard.opinion.gaussian.distrust import DISTRUSTED
 from blackboard.state.alarms import LIKELY_LOST, named
 from blackboard.view.why import JOINT
 
@@ -104,6 +105,8 @@ def _motion(level: Table, unit: str) -> list[str]:
         told.append(f"moves at {speed:.2f} {unit}/s, give or take {sigma:.2f}")
     lost = level["lost"]
     lines = [f"It {', and '.join(told)}."] if told else []
+    if level["parameters"].get(DISTRUSTED) == 1.0:
+        lines.append("Its mates saw it elsewhere than its odometry led, which is not believed until it fits again.")
     return lines + (
         [f"With {100 * lost:.0f} % it is lost, and not there."] if lost is not None and lost >= LIKELY_LOST else []
     )

@@ -177,6 +177,11 @@ def test_a_robot_that_is_stuck_or_was_moved_says_so_itself(settings: dict[str, s
     assert [(alarm.what, alarm.who) for alarm in team.alarms.all()] == [(kind, "r1") for kind in kinds]
 
 
+def test_a_robot_whose_odometry_its_team_does_not_believe_was_moved() -> None:
+    team = settled(1, conflict=False, subject="robot/r1", parameters={"gate": 3.7, "odometry distrusted": 1.0})
+    assert [(alarm.what, alarm.who) for alarm in team.alarms.all()] == [("moved", "r1")]
+
+
 def test_a_moment_waits_for_a_belief_that_its_status_overtook() -> None:
     team = settled(3)
     consensus = agreed().model_copy(update={"tick": 3, "time": 1.5})

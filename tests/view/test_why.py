@@ -297,3 +297,8 @@ def test_who_keeps_disagreeing_and_opposed_camps_are_told() -> None:
     shown = text(summary(fold, 1_000_001.0))
     assert "conflict r1,r2 against r3,r4; r3 keeps disagreeing" in shown
     assert any("r3 keeps disagreeing about robot/r1, by 4.2 sigmas" in event.text for event in team.events)
+
+
+def test_odometry_that_is_not_believed_is_told() -> None:
+    team, moment = newest(folded_with(lambda said: {"parameters": {"odometry distrusted": 1.0}}).teams["t"])
+    assert any("than its odometry led" in sentence for sentence in sentences(explain(team, moment, "robot/r1")))

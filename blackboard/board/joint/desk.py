@@ -26,6 +26,7 @@ from blackboard.opinion.believed import SPACING
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.cooperative import Coalition
 from blackboard.opinion.gaussian.coalitions import PREDICTION
+from blackboard.opinion.gaussian.distrust import DISTRUSTED
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Verdict
 from blackboard.opinion.gaussian.joint import Moments
@@ -247,9 +248,15 @@ class JointDesk:
         return Moments(marginal.mean, marginal.covariance + np.eye(2) * self._ageing.variance(subject, age))
 
     def _parameters(self, subject: str) -> dict[str, float]:
-        """The limit of a sighting's squared distance, and of an object the random walk (unit / sqrt(s)) that its sightings show."""
+        """The limit of a sighting's squared distance; of an object the random walk (unit / sqrt(s)) that its sightings show.
+
+        Of a robot also 1 as `DISTRUSTED` while its odometry is not believed, though what it sees is.
+        """
         gate = {"gate": quantile(GATE, 2)}
-        return gate if subject.startswith("robot/") else {**gate, "drift": self.team.drift_of(subject)}
+        if not subject.startswith("robot/"):
+            return {**gate, "drift": self.team.drift_of(subject)}
+        distrusted = subject in self.team.distrust and not self.team.doubts(subject)
+        return {**gate, DISTRUSTED: 1.0} if distrusted else gate
 
     def _in_doubt(self, subject: str, places: tuple[RingPlace, ...], make: Make) -> Consensus:
         """What is agreed about an object of which only ranges or bearings are known, which leave a few places."""

@@ -15,6 +15,8 @@ from blackboard.opinion.gaussian.joint import Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING, POSE, Motion, Nuisance, drive, wrap
 from blackboard.opinion.grid import Array
 
+DISTRUSTED = "odometry distrusted"  # the name by which boards tell it among the parameters of a consensus
+
 LASTING = 1.0  # seconds for which a robot usually goes on in one direction
 SPAN = (3.0, 30.0)  # seconds of odometry that are compared with what was seen: at least, at most
 TURNING = 1.0  # rad / s, while it is not known how fast robots turn
