@@ -228,7 +228,7 @@ def draw_team(draw: Draw) -> Team:
 
 def draw_fault(draw: Draw, team: Team) -> Fault:
     """A fault that this team may meet."""
-    makers = [maker for maker, fits in MAKERS.items() if fits(team)]
+    makers = [maker for fits, some in MAKERS if fits(team) for maker in some]
     return draw.one(makers)(draw, team)
 
 
@@ -254,24 +254,12 @@ def robots_of(team: Team) -> list[str]:
     return [process for process in team.processes if process.startswith("robot/")]
 
 
-def lost(draw: Draw, team: Team) -> Fault:
-    return faults.Lost(*span(draw), anybody(draw, team), draw.one([0.05, 0.3, 0.7, 1.0]))
-
-
-def late(draw: Draw, team: Team) -> Fault:
-    return faults.Late(*span(draw), anybody(draw, team), draw.one([0.05, 0.3, 1.0, 3.0]))
-
-
 def doubled(draw: Draw, team: Team) -> Fault:
     return faults.Doubled(*span(draw), anybody(draw, team), draw.one([0.1, 0.5, 1.0]), draw.one([0.0, 0.2, 2.0]))
 
 
 def stale(draw: Draw, team: Team) -> Fault:
     return faults.Stale(*span(draw), anybody(draw, team), draw.one([0.1, 0.5]), draw.one([0.5, 2.0]))
-
-
-def too_large(draw: Draw, team: Team) -> Fault:
-    return faults.TooLarge(*span(draw), anybody(draw, team), draw.one([300, 800, 2000]))
 
 
 def one_way(draw: Draw, team: Team) -> Fault:
@@ -288,30 +276,10 @@ def parted(draw: Draw, team: Team) -> Fault:
     return faults.Parted(*span(draw), tuple(tuple(sorted(part)) for part in parts if part))
 
 
-def cut_off(draw: Draw, team: Team) -> Fault:
-    return faults.Parted(*span(draw), ((), (draw.one(team.processes),)))
-
-
-def routerless(draw: Draw, team: Team) -> Fault:
-    return faults.Routerless(*span(draw))
-
-
-def flapping(draw: Draw, team: Team) -> Fault:
-    return faults.Flapping(*span(draw), draw.one(team.processes), draw.one([0.2, 0.6, 1.5, 3.0]))
-
-
 def killed(draw: Draw, team: Team) -> Fault:
     begin, end = span(draw)
     unseen = draw.one([0.0, round((end - begin) / 2, 2)])
     return faults.Killed(begin, end, draw.one([process for process in team.processes if process != "world"]), unseen)
-
-
-def new_world(draw: Draw, team: Team) -> Fault:
-    return faults.WorldKilled(*span(draw, 6.0))
-
-
-def frozen(draw: Draw, team: Team) -> Fault:
-    return faults.Frozen(*span(draw, 6.0), draw.one(team.processes))
 
 
 def hung(draw: Draw, team: Team) -> Fault:
@@ -319,21 +287,9 @@ def hung(draw: Draw, team: Team) -> Fault:
     return faults.Frozen(begin, LAST, draw.one(boards_of(team)))
 
 
-def slow(draw: Draw, team: Team) -> Fault:
-    return faults.Slow(*span(draw), draw.one(team.processes), draw.one([0.3, 1.0]))
-
-
 def clock_off(draw: Draw, team: Team) -> Fault:
     rate = draw.one([0.0, -0.05, 0.02, 0.3], [0.6, 0.1, 0.2, 0.1])
     return faults.ClockOff(*span(draw), draw.one(team.processes), draw.one([-20.0, -2.0, -0.3, 0.5, 3.0, 40.0]), rate)
-
-
-def suspended(draw: Draw, team: Team) -> Fault:
-    return faults.Suspended(*span(draw), draw.one(team.processes))
-
-
-def second_world(draw: Draw, team: Team) -> Fault:
-    return faults.SecondWorld(*span(draw))
 
 
 def another_board(draw: Draw, team: Team) -> Fault:
@@ -341,14 +297,6 @@ def another_board(draw: Draw, team: Team) -> Fault:
     if draw.chance(0.3):
         return faults.AnotherBoard(draw.one([0.0, FIRST]), LAST, sub_team, name, hangs=True)
     return faults.AnotherBoard(*span(draw), sub_team, name)
-
-
-def crowd(draw: Draw, team: Team) -> Fault:
-    return faults.Crowd(*span(draw), draw.one(list(team.sub_teams)), CROWD)
-
-
-def full_disk(draw: Draw, team: Team) -> Fault:
-    return faults.FullDisk(*span(draw))
 
 
 def lies(draw: Draw, team: Team) -> Fault:
@@ -365,16 +313,42 @@ def lying_guest(draw: Draw, team: Team) -> Fault:
 
 Maker = Callable[[Draw, Team], Fault]
 
-#: What can go wrong, and for which teams.
-MAKERS: dict[Maker, Callable[[Team], bool]] = {
-    **dict.fromkeys(
-        (lost, late, doubled, stale, too_large, one_way, parted, cut_off, routerless, flapping, killed, frozen, slow),
+#: What can go wrong, by the teams to which it can happen.
+MAKERS: tuple[tuple[Callable[[Team], bool], tuple[Maker, ...]], ...] = (
+    (
         lambda team: True,
+        (
+            lambda draw, team: faults.Lost(*span(draw), anybody(draw, team), draw.one([0.05, 0.3, 0.7, 1.0])),
+            lambda draw, team: faults.Late(*span(draw), anybody(draw, team), draw.one([0.05, 0.3, 1.0, 3.0])),
+            doubled,
+            stale,
+            lambda draw, team: faults.TooLarge(*span(draw), anybody(draw, team), draw.one([300, 800, 2000])),
+            one_way,
+            parted,
+            lambda draw, team: faults.Parted(*span(draw), ((), (draw.one(team.processes),))),  # one is cut off
+            lambda draw, team: faults.Routerless(*span(draw)),
+            lambda draw, team: faults.Flapping(*span(draw), draw.one(team.processes), draw.one([0.2, 0.6, 1.5, 3.0])),
+            killed,
+            lambda draw, team: faults.Frozen(*span(draw, 6.0), draw.one(team.processes)),
+            lambda draw, team: faults.Slow(*span(draw), draw.one(team.processes), draw.one([0.3, 1.0])),
+            clock_off,
+            lambda draw, team: faults.Suspended(*span(draw), draw.one(team.processes)),
+            another_board,
+            lambda draw, team: faults.FullDisk(*span(draw)),
+        ),
     ),
-    **dict.fromkeys((clock_off, suspended, another_board, full_disk), lambda team: True),
-    **dict.fromkeys((new_world, second_world), lambda team: team.mode != "free"),
-    hung: lambda team: team.boards > 1,
-    lies: lambda team: len(team.robots) >= 3,
-    crowd: lambda team: len(team.robots) < 5,
-    lying_guest: lambda team: len(team.robots) >= 3 and team.mode != "free",
-}
+    (
+        lambda team: team.mode != "free",
+        (
+            lambda draw, team: faults.WorldKilled(*span(draw, 6.0)),
+            lambda draw, team: faults.SecondWorld(*span(draw)),
+        ),
+    ),
+    (lambda team: team.boards > 1, (hung,)),
+    (lambda team: len(team.robots) >= 3, (lies,)),
+    (
+        lambda team: len(team.robots) < 5,
+        (lambda draw, team: faults.Crowd(*span(draw), draw.one(list(team.sub_teams)), CROWD),),
+    ),
+    (lambda team: len(team.robots) >= 3 and team.mode != "free", (lying_guest,)),
+)
