@@ -3,6 +3,7 @@
 from collections import defaultdict
 from typing import Any
 
+from blackboard.lab.team import InProcessTeam
 from blackboard.net.bus import Bus
 from blackboard.wire import keys
 from blackboard.wire.codec import decode
@@ -34,3 +35,11 @@ class Heard:
         for consensus in self.of(keys.AGREED):
             agreed[consensus.sub_team][consensus.tick, consensus.subject] = consensus
         return agreed
+
+
+def played(team: InProcessTeam) -> tuple[str, Agreed]:
+    """Run a team to its end, which must be the regular one: the hash over all consensuses, and what was agreed on."""
+    heard = Heard(team.bus)
+    team.run()
+    assert team.world.why == ""
+    return team.world.referee.hash, heard.agreed()

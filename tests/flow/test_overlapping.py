@@ -6,7 +6,7 @@ import pytest
 
 from blackboard.config import Scenario
 from blackboard.lab.team import InProcessTeam
-from tests.heard import Agreed, Heard
+from tests.heard import Agreed, played
 from tests.scenarios import SCENARIO
 
 PRODUCT = {"independence": 1.0, "gate": 50.0}
@@ -21,11 +21,9 @@ def new_scenario(sub_teams: dict[str, list[str]], **board: object) -> Scenario:
 def agreed(sub_teams: dict[str, list[str]], **board: object) -> Agreed:
     """What was agreed on in a run to the end."""
     team = InProcessTeam(new_scenario(sub_teams, **board))
-    heard = Heard(team.bus)
-    team.run()
-    assert team.world.why == ""
+    _, agreed = played(team)
     assert [service.counters["late"] for service in team.boards.values()] == [0] * len(sub_teams)
-    return heard.agreed()
+    return agreed
 
 
 COVERS = ({"a": ["r1", "r2"], "b": ["r2", "r3"]}, {"a": ["r1", "r2"], "b": ["r2", "r3"], "c": ["r3", "r1"]})

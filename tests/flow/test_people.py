@@ -42,21 +42,6 @@ def test_people_become_tracks_near_where_they_are() -> None:
     assert judged["false_tracks"] == 0
 
 
-def test_every_board_tells_of_the_same_tracks_to_the_bit() -> None:
-    tracks, _ = played()
-    assert tracks["a"].keys() == tracks["b"].keys()
-    for name, track in tracks["a"].items():
-        assert (track.belief, track.existence) == (tracks["b"][name].belief, tracks["b"][name].existence), name
-
-
-def test_the_order_in_which_messages_come_changes_no_track() -> None:
-    calm, shuffled = played()[0], played(shuffle=1)[0]
-    for sub_team, tracks in calm.items():
-        assert {name: track.existence for name, track in tracks.items()} == {
-            name: track.existence for name, track in shuffled[sub_team].items()
-        }
-
-
 def test_a_board_that_was_started_again_calls_people_as_the_other_board_does() -> None:
     team = InProcessTeam(PEOPLE.changed("time", seconds=20.0))
     heard = Heard(team.bus)
@@ -110,8 +95,9 @@ def test_boards_of_opinions_have_tracks_that_are_near_people() -> None:
     assert judged["false_tracks"] <= 1
 
 
-def test_boards_of_opinions_agree_on_tracks_to_the_bit_in_whichever_order_messages_come() -> None:
-    tracks, shuffled = played(OPINIONS)[0], played(OPINIONS, 1)[0]
+@pytest.mark.parametrize("scenario", [PEOPLE, OPINIONS], ids=["joint", "opinions"])
+def test_boards_agree_on_tracks_to_the_bit_in_whichever_order_messages_come(scenario: Scenario) -> None:
+    tracks, shuffled = played(scenario)[0], played(scenario, 1)[0]
     assert tracks["a"].keys() == tracks["b"].keys()
     for name, track in tracks["a"].items():
         others = tracks["b"][name], shuffled["a"][name], shuffled["b"][name]
