@@ -56,5 +56,4 @@ class RollCall(Generic[Source]):
 
     def complete(self, source: Source, tick: int) -> bool:
         """Whether a source has listed exactly this tick, and everything on its list is here."""
-        listed = self._lists.get(source)
-        return listed is not None and listed[0] == tick and self.arrived(source, tick, listed[1])
+        return self.answered(source) == tick

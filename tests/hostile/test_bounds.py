@@ -14,7 +14,6 @@ from blackboard.judge.traffic import Traffic
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.believed import MAX_SOURCES, MAX_SUBJECTS
 from blackboard.opinion.grid import Grid
-from blackboard.process import roll_call
 from blackboard.process.roster import MAX_TOKENS, Roster
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack, unpack
@@ -85,16 +84,6 @@ def test_the_world_keeps_only_what_it_sums_up() -> None:
         assert traffic.counters({}) == {"sent": 3}
         held.append(holdings(traffic, "traffic"))
     assert held[0] == held[1]
-
-
-def test_a_roll_call_is_bounded() -> None:
-    calls: roll_call.RollCall[int] = roll_call.RollCall()
-    for source in range(roll_call.MAX_SOURCES + 50):
-        calls.record(source, "object/ball", 1)
-        calls.record_list(source, 1, ["object/ball"])
-    calls.check()
-    assert calls.list_of(0) is None
-    assert calls.complete(source, 1)
 
 
 def test_invented_tokens_are_bounded_and_the_world_s_is_still_seen() -> None:

@@ -94,8 +94,8 @@ BUGS = {
     "listed": Bug(
         "a source counts as heard before all that it lists is here",
         ROLL_CALL,
-        "return listed is not None and listed[0] == tick and self.arrived(source, tick, listed[1])",
-        "return listed is not None and listed[0] == tick",
+        "return self.answered(source) == tick",
+        "return source in self._lists and self._lists[source][0] == tick",
     ),
     "newer": Bug(
         "a source that is a tick further is waited for as if it lacked this one",
