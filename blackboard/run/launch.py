@@ -21,7 +21,7 @@ from blackboard.process.clock import UnixClock
 from blackboard.run.recording import recording
 from blackboard.run.supervisor import ProcessRow, Supervisor, print_line
 from blackboard.state.fold import Fold
-from blackboard.state.team import WORLD, TeamFold
+from blackboard.state.team import WORLD
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 
@@ -247,7 +247,7 @@ class Observer:
 
     def hear_envelope(self, envelope: Envelope) -> None:
         self._fold.hear_envelope(envelope, self._clock.now())
-        team = self._team
+        team = self._fold.team(self._name)
         if envelope.kind in (Kind.ALIVE, Kind.GONE):
             self._changed.set()
             if WORLD in team.processes and team.processes[WORLD].alive:
@@ -255,13 +255,8 @@ class Observer:
         elif self._progress is not None and team.clock is not None:
             self._progress(team.clock.tick, self._ticks)
 
-    @property
-    def _team(self) -> TeamFold:
-        """The state of the team; an empty one before anything was heard."""
-        return self._fold.teams.get(self._name) or TeamFold(self._name)
-
     def missing(self, tokens: frozenset[str]) -> frozenset[str]:
-        return tokens.difference(*(process.tokens for process in self._team.processes.values()))
+        return tokens.difference(*(process.tokens for process in self._fold.team(self._name).processes.values()))
 
     async def until_alive(self, tokens: frozenset[str]) -> None:
         """Wait until all these tokens are alive. RunFailed: some are not after READY_SECONDS."""

@@ -29,12 +29,12 @@ class Fold:
             if envelope.kind in (Kind.ALIVE, Kind.GONE):
                 parsed = keys.parse(envelope.key)
                 if parsed is not None and parsed[0].name in TOKENS:
-                    self._team(parsed[1]["team"]).hear_token(*parsed, envelope, now)
+                    self._heard(parsed[1]["team"]).hear_token(*parsed, envelope, now)
             elif envelope.kind is Kind.PUT and (sender := _unread(envelope.key)) is not None:
-                self._team(sender.pop("team")).hear_sender(**sender, size=len(envelope.payload), now=now)
+                self._heard(sender.pop("team")).hear_sender(**sender, size=len(envelope.payload), now=now)
             elif envelope.kind is Kind.PUT:
                 _, parts, message = open_envelope(envelope)
-                self._team(parts["team"]).hear_message(parts, message, len(envelope.payload), now)
+                self._heard(parts["team"]).hear_message(parts, message, len(envelope.payload), now)
         except Refused as refusal:
             self.refused[refusal.reason] += 1
 
@@ -42,9 +42,13 @@ class Fold:
         """The robots of a team's scenario by sub-team: they are shown although they were never heard."""
         for sub_team, robots in sub_teams.items():
             for robot in robots:
-                self._team(name).expect(sub_team, robot)
+                self._heard(name).expect(sub_team, robot)
 
-    def _team(self, name: str) -> TeamFold:
+    def team(self, name: str) -> TeamFold:
+        """The state of a team; an empty one before anything was heard of it."""
+        return self.teams.get(name) or TeamFold(name)
+
+    def _heard(self, name: str) -> TeamFold:
         if name not in self.teams and len(self.teams) >= MAX_TEAMS:
             raise Refused("too-many", f"{name} would be one more than {MAX_TEAMS} teams")
         return self.teams.setdefault(name, TeamFold(name, self._most_bytes))

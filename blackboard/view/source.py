@@ -87,7 +87,7 @@ class Running:
     @property
     def fold(self) -> TeamFold:
         """The team as far as it was heard."""
-        return self.feed.fold.teams.get(self.team) or TeamFold(self.team)
+        return self.feed.fold.team(self.team)
 
     def read_on(self, each: Callable[[], None] = lambda: None) -> None:
         """Take in what arrives until it is stopped, and call `each` after every look."""

@@ -47,7 +47,7 @@ class Taped:
     @property
     def fold(self) -> TeamFold:
         """The team as far as the tape was read."""
-        return self.feed.fold.teams.get(self.team) or TeamFold(self.team)
+        return self.feed.fold.team(self.team)
 
     def read_on(self, each: Callable[[], None] = lambda: None) -> None:
         """Read to the end, and call `each` after every few envelopes."""

@@ -18,7 +18,7 @@ from blackboard.client.member import Member
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
 from blackboard.state.fold import Fold
-from blackboard.state.team import WORLD, TeamFold
+from blackboard.state.team import WORLD
 from blackboard.view.summary import Table
 from blackboard.wire import keys
 from blackboard.wire.codec import encode
@@ -104,7 +104,7 @@ class RosBridge:
             return self._take(envelope, now)
         self._fold.hear_envelope(envelope, now)
         out = [answer for member in self._members.values() for answer in _hear(member, envelope, now)]
-        return self._own(out, now) + self._publisher.beliefs(self._team, now)
+        return self._own(out, now) + self._publisher.beliefs(self._fold.team(self._name), now)
 
     def wake(self, now: float) -> list[Envelope]:
         out = []
@@ -118,7 +118,7 @@ class RosBridge:
             self._status_due = now + STATUS_PERIOD
             dropped = self._counters.get("dropped", 0)
             own = OWN | {"refused": dict(self.refused), "dropped": dropped, "counters": self._counters}
-            out += self._publisher.diagnostics(self._team, own, now)
+            out += self._publisher.diagnostics(self._fold.team(self._name), own, now)
         return out
 
     def wake_at(self, now: float) -> float | None:
@@ -127,10 +127,6 @@ class RosBridge:
         return min([self._status_due, *(at for at in due + members if at is not None)])
 
     # --- from ROS to the team -------------------------------------------------------------------------------------------
-
-    @property
-    def _team(self) -> TeamFold:
-        return self._fold.teams.get(self._name) or TeamFold(self._name)
 
     def _listen(self, topic: str, type_name: str, take: Take) -> None:
         self._takes[self.node.subscription(topic, type_name).key] = (topic, take)
@@ -173,14 +169,14 @@ class RosBridge:
 
     def _framed(self, place: convert.PlanarPose) -> convert.PlanarPose:
         """Refused "frame": in another frame than the team's, where both name one."""
-        grid = self._team.grid
+        grid = self._fold.team(self._name).grid
         if grid is not None and grid.frame and place.frame and place.frame != grid.frame:
             raise Refused("frame", f"in {place.frame!r}, the team's is {grid.frame!r}; transform it before")
         return place
 
     def _drive(self, driver: Driver, now: float) -> list[Envelope]:
         readings = driver.readings(now)
-        world = self._team.processes.get(WORLD)
+        world = self._fold.team(self._name).processes.get(WORLD)
         if readings is not None and world is not None and world.alive:
             self._log(
                 "world", driver.robot, f"a world gives the readings of {driver.robot}; those from ROS are left out"

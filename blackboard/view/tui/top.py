@@ -124,7 +124,7 @@ class Top(App[None]):
     @property
     def fold(self) -> TeamFold:
         """What is known of the team."""
-        return self.source.fold.teams.get(self.team_name) or TeamFold(self.team_name)
+        return self.source.fold.team(self.team_name)
 
     def moment(self) -> Moment | None:
         """The moment that is shown: the newest, or the one at which it was paused while that is kept."""

@@ -45,7 +45,7 @@ class Frames:
     @property
     def team(self) -> TeamFold:
         """What is known of the team; nothing before it is heard of."""
-        return self._fold.teams.get(self._team) or TeamFold(self._team)
+        return self._fold.team(self._team)
 
     def remember(self, now: float) -> None:
         """Keep a line of every moment that is new. Call it after each look at what has arrived."""
