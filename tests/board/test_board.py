@@ -7,32 +7,13 @@ from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief, blur, gaussian
 from blackboard.opinion.believed import MAX_SOURCES, MAX_SUBJECTS
 from blackboard.opinion.grid import Grid
-from blackboard.opinion.pools import POOLS, fuse
-from blackboard.opinion.rules import read_rule
+from blackboard.opinion.pools import POOLS
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import pack, unpack
 from blackboard.wire.messages import Report
 from tests.board.reports import FINE, GRID, at, fine, new_board, only, report, said_by, same
 
 BOTH = {"r1": 0.0, "r2": 0.0}
-
-
-def test_first_hand_reports_are_pooled_with_the_rule() -> None:
-    board = new_board(rule="cooperative", gamma=0.5)
-    said = {"r1": at(10, 10, 3), "r2": at(12, 11, 2), "r3": at(11, 9, 4)}
-    for source, belief in said.items():
-        board.hear(report(source, belief), 0.0)
-    consensus = only(board.settle(0, 0.0))
-    stack = np.stack([unpack(pack(b)).p for b in said.values()])
-    pooled = fuse(read_rule({"rule": "cooperative", "k": 2, "gamma": 0.5}), stack, GRID)
-    expected = Belief(GRID, pooled.p)
-    assert np.array_equal(unpack(consensus.belief).p, unpack(pack(expected)).p)
-    assert consensus.ancestors == {"r1": 0.0, "r2": 0.0, "r3": 0.0}
-    assert [u.source for u in consensus.used] == ["r1", "r2", "r3"]
-    assert [u.weight for u in consensus.used] == pytest.approx(pooled.weights)
-    assert consensus.components == pytest.approx(pooled.components)
-    assert consensus.outcome == "pooled"
-    assert not consensus.conflict
 
 
 def test_arrival_order_changes_nothing() -> None:

@@ -54,15 +54,19 @@ def test_a_veto_is_published_with_what_was_done_instead() -> None:
 
 
 @pytest.mark.parametrize("rule", ["linear", "logarithmic", "median-log", "chernoff", "cooperative"])
-def test_the_weights_are_those_of_the_rule(rule: str) -> None:
-    """Fault 1: they were 1 / H^k of the opinions, whatever the rule."""
-    board, said = new_board(rule=rule), (at(10, 10, 1.5), at(12, 11, 4))
-    for source, belief in zip(("r1", "r2"), said, strict=True):
+def test_first_hand_reports_are_pooled_with_the_rule_which_gives_their_weights(rule: str) -> None:
+    """Fault 1: the weights were 1 / H^k of the opinions, whatever the rule."""
+    board, said = new_board(rule=rule), {"r1": at(10, 10, 3), "r2": at(12, 11, 2), "r3": at(11, 9, 4)}
+    for source, belief in said.items():
         board.hear(report(source, belief), 0.0)
     consensus = only(board.settle(0, 0.0))
-    pooled = fuse(read_rule({"rule": rule}), np.stack([unpack(pack(b)).p for b in said]), GRID)
-    assert [u.weight for u in consensus.used] == pytest.approx(pooled.weights)
+    pooled = fuse(read_rule({"rule": rule}), np.stack([unpack(pack(b)).p for b in said.values()]), GRID)
+    assert np.array_equal(unpack(consensus.belief).p, unpack(pack(Belief(GRID, pooled.p))).p)
+    assert {u.source: u.weight for u in consensus.used} == pytest.approx(dict(zip(said, pooled.weights, strict=True)))
+    assert consensus.components == pytest.approx(pooled.components)
     assert bool(consensus.components) == (rule == "cooperative")
+    assert consensus.ancestors == dict.fromkeys(said, 0.0)
+    assert consensus.outcome == "pooled"
 
 
 @pytest.mark.parametrize("settings", [{}, {"rule": "cooperative"}, {"rule": "clique", "inner": "coalition"}])

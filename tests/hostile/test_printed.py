@@ -22,7 +22,7 @@ from blackboard.view.feed import TapeFeed
 from blackboard.wire.envelope import Envelope, Kind
 from tests.commands import Ran
 from tests.hostile.poison import HARMFUL, PIECES, Poison
-from tests.tape.teams import SMALL, recorded_run
+from tests.tape.teams import READERS, SMALL, recorded_run
 from tests.view.links import Recording, put_in_place
 
 NASTY = st.text(st.sampled_from(HARMFUL) | st.characters(), max_size=30)
@@ -88,10 +88,6 @@ def test_a_result_is_the_same_json_and_its_text_has_no_more_lines(text: str) -> 
 
 # --- tapes ------------------------------------------------------------------------------------------------------------------
 
-FILES = [
-    ["status"], ["why", "robot/r1"], ["tape", "info"], ["tape", "table"], ["replay"], ["replay", "--without", "r3"],
-]  # fmt: skip
-
 
 @pytest.fixture(scope="module")
 def tapes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
@@ -111,7 +107,7 @@ def tapes(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return paths
 
 
-@pytest.mark.parametrize("command", FILES, ids=" ".join)
+@pytest.mark.parametrize("command", READERS, ids=" ".join)
 def test_what_is_told_of_a_tape_is_printable_and_has_no_forged_lines(tapes: list[Path], command: list[str]) -> None:
     clean, *others = tapes
     expected = Ran(*command, str(clean))

@@ -14,11 +14,8 @@ from blackboard.tape.file import ABOUT, FORMAT, PROFILE, TapeAbout, copy, look_t
 from blackboard.tape.whatif import WAKES, what_if
 from blackboard.wire.envelope import Envelope
 from tests.commands import Ran
-from tests.tape.teams import SMALL, recorded_run
+from tests.tape.teams import READERS, SMALL, recorded_run
 
-COMMANDS = [
-    ["status"], ["why", "robot/r1"], ["tape", "info"], ["tape", "table"], ["replay"], ["replay", "--without", "r3"],
-]  # fmt: skip
 SECOND = 10**9  # nanoseconds
 
 
@@ -47,7 +44,7 @@ def puts(tape: Tape) -> list[tuple[int, str, bytes]]:
 
 
 @pytest.mark.parametrize("depth", [300, 900, 100_000])
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("command", READERS, ids=" ".join)
 def test_a_scenario_that_is_nested_deeply_is_none(tmp_path: Path, honest: Tape, command: list[str], depth: int) -> None:
     nested = '{"name": "x", "board": {"subjects": ' + '{"a": ' * depth + "1" + "}" * depth + "}}"
     said = Ran(*command, str(tape_of(tmp_path / "x.mcap", puts(honest), nested)))
@@ -69,7 +66,7 @@ def test_a_scenario_file_that_is_nested_deeply_is_one_line(tmp_path: Path, name:
         assert said.err.count("\n") == 1
 
 
-@pytest.mark.parametrize("command", [*COMMANDS, ["tape", "recover"], ["tape", "cut"]], ids=" ".join)
+@pytest.mark.parametrize("command", [*READERS, ["tape", "recover"], ["tape", "cut"]], ids=" ".join)
 def test_times_beyond_all_calendars_are_a_broken_place(tmp_path: Path, honest: Tape, command: list[str]) -> None:
     messages = [*puts(honest), (2**64 - 1, "cop/t/x", b""), (2**63, "cop/t/x", b"")]
     tape = tape_of(tmp_path / "x.mcap", messages, json.dumps(SMALL.tables))

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard import Grid, entropy
-from blackboard.opinion.belief import Belief, gaussian, uniform
+from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Array
 from blackboard.opinion.scores import (
     LEAST_PROBABILITY,
@@ -27,13 +27,6 @@ from tests.opinion.stacks import stacks
 
 GRID = Grid((4, 2), 0.5, (10.0, 20.0), "m")
 P = np.array([[0.1, 0.2], [0.3, 0.05], [0.05, 0.1], [0.15, 0.05]])
-
-
-def test_the_level_of_a_cell_is_the_mass_of_the_denser_ones() -> None:
-    assert hdr_level(P, (1, 0)) == 0.0
-    assert hdr_level(P, (0, 1)) == pytest.approx(0.3)
-    assert hdr_level(P, (0, 0)) == hdr_level(P, (2, 1)) == pytest.approx(0.65)
-    assert hdr_level(P, (3, 1)) == pytest.approx(0.85)
 
 
 @given(stacks(("random", "sparse"), most=1), st.sampled_from(LEVELS))
@@ -57,13 +50,6 @@ def test_a_region_holds_a_truth_drawn_from_the_belief_as_often_as_it_claims(opin
 def test_a_belief_of_one_cell_claims_half_of_it_in_its_50_percent_region() -> None:
     assert held([0.0], [1.0], 0.5).tolist() == [0.5]
     assert held([1.0, 0.4], [0.0, 0.0], 0.5).tolist() == [0.0, 1.0]  # a cell that was ruled out has no mass to divide
-
-
-def test_the_area_of_a_region_by_hand() -> None:
-    belief = Belief(GRID, P)  # cells of 0.25 m^2; 0.3, 0.2, 0.15, then two of 0.1 and three of 0.05
-    areas = [region_area(belief, share) for share in (0.1, 0.3, 0.31, 0.6, 0.7, 0.99, 1.0)]
-    assert areas == [0.25, 0.25, 0.5, 0.75, 1.25, 2.0, 2.0]
-    assert region_area(uniform(GRID), 0.01) == 2.0
 
 
 @given(stacks(("random", "sparse"), most=1), st.sampled_from(LEVELS))

@@ -201,14 +201,6 @@ def test_a_step_over_a_wall_isreflected(x: float, turned_back: float) -> None:
     assert reflect(x, 0.0, 10.0) == pytest.approx(turned_back)
 
 
-def test_a_fix_comes_each_time_the_way_exceeds_the_limit() -> None:
-    # A robot drives 0.2 cells a tick.
-    world = new_world(WorldSection(odometry=WorldOdometrySection(reset_after=2.0), objects={}), ("r1",))
-    fixes = [tick for tick in range(45) if world.advance("run", tick)[1][0].fix is not None]
-    assert fixes[0] == 0
-    assert all(gap in (10, 11) for gap in np.diff(fixes))  # 2.0 is not exceeded after 10 steps, but for rounding
-
-
 def test_the_room_to_turn_is_eight_times_the_tightest_circle() -> None:
     new_world(WorldSection(speed=1.25, turn_rate=1.0, objects={}), grid=Grid((10, 30)))
     for shape in ((10, 30), (30, 10)):

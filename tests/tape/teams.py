@@ -21,6 +21,10 @@ from blackboard.wire.messages import Clock
 from tests.scenarios import SCENARIO
 
 SMALL = SCENARIO.changed("grid", shape=[14, 14]).changed("time", seconds=2.0)  # 5 ticks, from 0 to 4
+#: The commands that read a tape; its file follows.
+READERS = [
+    ["status"], ["why", "robot/r1"], ["tape", "info"], ["tape", "table"], ["replay"], ["replay", "--without", "r3"],
+]  # fmt: skip
 
 
 class RecordedTeam(InProcessTeam):
