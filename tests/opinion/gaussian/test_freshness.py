@@ -11,19 +11,20 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.freshness import HELD, Freshness
-from blackboard.opinion.gaussian.increment import Increment
-from blackboard.opinion.gaussian.joint import Factor, Moments
+from blackboard.opinion.gaussian.joint import Factor
 from blackboard.opinion.gaussian.relation import Bias, Kind, Relative, measured
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, RANGE, STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, Motion
 from blackboard.opinion.grid import Array
+from tests.opinion.gaussian import standing
+from tests.opinion.gaussian.standing import LIAR
 
-LIAR, BEGIN, END, DT = "robot/r2", 5, 40, 0.2
+BEGIN, END, DT = 5, 40, 0.2
 BALL, DRIFT = "object/ball", 0.1
 MATES = ["robot/r0", "robot/r1", "robot/r3"]
-PLACES = {f"robot/r{k}": 10.0 * np.array([math.cos(k), math.sin(k)]) for k in range(4)}
-FIX, SIGMA = 3.0, 0.5  # what each robot is told of its place in each tick; what a sighting claims
+PLACES = {robot: standing.PLACES[robot] for robot in sorted([*MATES, LIAR])}
+SIGMA = 0.5  # what a sighting claims
 
 
 def sightings_of(
@@ -42,17 +43,9 @@ def sightings_of(
 
 
 def says(robot: str, tick: int, relatives: tuple[Relative, ...] = (), *, moving: bool = True) -> Evidence:
-    """Evidence of a robot that returns to the same place in each tick: an initial belief near it, then an exact fix in each tick.
-
-    Its range scale is known to be 1.
-    """
-    mean, information = np.zeros(STATES), np.zeros((STATES, STATES))
-    mean[AXES], information[AXES, AXES] = PLACES[robot], np.eye(2) / FIX**2
-    belief = Moments(mean, np.diag([0.3, 0.3, *[1e-4] * (STATES - 2)]))
-    belief.covariance[RANGE, RANGE] = 0.0
-    increment = Increment(mean, information, np.zeros(STATES)) if tick else None
+    """What a robot says that stands, of one that returns to the same place in each tick."""
     motion = Motion(along=0.01 * tick, across=0.01 * tick, heading=1e-4 * tick, dt=DT * tick, moving=DT * tick * moving)
-    return Evidence(robot, 0, tick, motion, Nuisance(), belief if not tick else None, increment, relatives, DT * tick)
+    return replace(standing.says(robot, tick, relatives), travelled=motion, time=DT * tick)
 
 
 def run(lies: Callable[[TeamJoint], list[tuple[Relative, ...]]]) -> TeamJoint:

@@ -93,16 +93,10 @@ def test_who_lies_again_after_its_accusers_were_gone_for_long_is_found_out_again
     assert all(out[34 + int(UNMET) :])
 
 
-@pytest.mark.parametrize("size", [4.0, 15.0])
+@pytest.mark.parametrize(("size", "pauses"), [(4.0, False), (15.0, False), (8.0, True)])
 @pytest.mark.parametrize("seed", range(2))
-def test_a_robot_that_goes_on_lying_stays_out(size: float, seed: int) -> None:
-    out, _, _ = left_out(lambda tick: size if tick >= 10 else 0.0, seed)
-    assert all(out[20:])
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_a_robot_that_lies_now_and_then_stays_out(seed: int) -> None:
-    out, _, _ = left_out(lambda tick: 8.0 if tick >= 10 and tick // 2 % 2 else 0.0, seed)
+def test_a_robot_that_goes_on_lying_always_or_now_and_then_stays_out(size: float, pauses: bool, seed: int) -> None:
+    out, _, _ = left_out(lambda tick: size if tick >= 10 and (tick // 2 % 2 or not pauses) else 0.0, seed)
     assert all(out[20:])
 
 
