@@ -67,6 +67,7 @@ def test_first_hand_reports_are_pooled_with_the_rule_which_gives_their_weights(r
     assert bool(consensus.components) == (rule == "cooperative")
     assert consensus.ancestors == dict.fromkeys(said, 0.0)
     assert consensus.outcome == "pooled"
+    assert consensus.conflict is False or rule != "cooperative"
 
 
 @pytest.mark.parametrize("settings", [{}, {"rule": "cooperative"}, {"rule": "clique", "inner": "coalition"}])

@@ -1,4 +1,4 @@
-"""Whole teams with faults: the same seed is the same run, who lies is named, and the honest are scored alone."""
+"""Whole teams with faults: the same seed is the same run, who lies is named, the honest are scored alone, and names are no votes."""
 
 from typing import Any
 
@@ -10,7 +10,9 @@ from blackboard.faults import without_faults
 from blackboard.judge.card import text
 from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
-from blackboard.wire.messages import Consensus, Status
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope
+from blackboard.wire.messages import Consensus, Report, Status
 from tests.heard import Heard
 
 #: Five robots in a small room see each other often; their sensors are good.
@@ -122,6 +124,35 @@ def test_a_silent_process_is_waited_for_and_then_no_longer_and_takes_part_again(
 def test_a_skewed_robot_is_refused_by_its_stamp_and_says_so_in_the_board_s_status() -> None:
     said = Said(new_scenario({"kind": "skew", "robot": "r5", "seconds": 3}, seconds=4.0))
     assert said.status.refused["future"] > 0
+
+
+def test_names_without_a_token_do_not_vote(short: Said) -> None:
+    """One process speaks for ten robots that hold no token, all at one wrong place: no bit changes, although guests may vote."""
+    team = InProcessTeam(new_scenario(seconds=2.5).changed("team", guests="vote"))
+    busy = False
+
+    def invent(envelope: Envelope) -> None:
+        nonlocal busy
+        if busy or "/report/r5/robot/r5" not in envelope.key:
+            return
+        busy = True
+        said = decode(Report, envelope.payload)
+        for k in range(10):
+            wrong = said.model_copy(update={"source": f"x{k}", "subject": "robot/r1"})
+            team.bus.send(Envelope(f"cop/t/a/report/x{k}/robot/r1", encode(wrong)))
+        busy = False
+
+    team.bus.spies.append(invent)
+    assert team.run()["hash"] == short.card["hash"]
+    assert team.boards["a"].refused["unregistered"] > 0
+
+
+def test_one_token_is_one_opinion_on_a_subject_however_often_it_speaks(calm: Said) -> None:
+    """What a robot reports under its own name replaces what it said before, and never adds to it."""
+    assert calm.settled
+    for consensus in calm.settled:
+        sources = [used.source for used in consensus.used if used.how == "independent"]
+        assert len(sources) == len(set(sources))
 
 
 def test_what_is_agreed_about_a_liar_is_not_what_the_joint_has_from_the_liar_alone(lied_to_joint: Said) -> None:

@@ -7,7 +7,7 @@ from blackboard.board.service import board_of
 from blackboard.lab.team import InProcessTeam
 from blackboard.wire import keys
 from blackboard.wire.arrays import unpack
-from blackboard.wire.codec import encode
+from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.evidence import Forward
 from robot_agent.service import AgentService
@@ -97,6 +97,28 @@ def test_a_robot_that_dies_is_believed_less_and_less_and_then_no_more() -> None:
     last = max(spread)
     assert last < team.world.tick
     assert spread[last] > spread[3]
+
+
+def test_no_evidence_ends_a_board() -> None:
+    """A member whose numbers are absurd: the joint may begin anew, and the boards go on."""
+    team = InProcessTeam(JOINT)
+
+    def spoil(envelope: Envelope) -> None:
+        if envelope.key == "cop/t/a/forward/board-a" and envelope.payload not in spoilt:
+            forward = decode(Forward, envelope.payload)
+            worse = []
+            for said in forward.evidence:
+                far = said.evidence.travelled.model_copy(update={"distance": 1e12, "turn": -1e12, "heading": 1e12})
+                absurd = said.evidence.model_copy(update={"travelled": far, "state": None})
+                worse.append(said.model_copy(update={"tick": said.tick + 1, "evidence": absurd}))
+            payload = encode(forward.model_copy(update={"evidence": worse}))
+            spoilt.add(payload)
+            team.bus.send(Envelope(envelope.key, payload))
+
+    spoilt: set[bytes] = set()
+    team.bus.spies.append(spoil)
+    _, agreed = played(team)
+    assert max(tick for tick, _ in agreed["b"]) == team.world.tick
 
 
 def test_processes_that_are_started_again_do_not_break_the_joint() -> None:
