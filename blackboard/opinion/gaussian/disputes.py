@@ -147,6 +147,14 @@ class Disputes(Copyable):
         pairs = [{one, two} for of, one, two in self._held if of == subject and observer in (one, two)]
         return set().union(*pairs) - {observer}
 
+    def newcomers(self, subject: str, sides: Collection[str]) -> set[str]:
+        """Whose offset of an object has more than twice the sigma that it has of each of some robots."""
+        known = {
+            robot: float(np.trace(view.score.covariance)) for (of, robot), view in self._views.items() if of == subject
+        }
+        least = min((known[robot] for robot in sides if robot in known), default=0.0)
+        return {robot for robot, information in known.items() if 4.0 * information < least}
+
     def seeing(self, subject: str) -> list[str]:
         """Who has seen an object in the last two seconds."""
         return [observer for (of, observer), view in self._views.items() if of == subject and view.score.share > NEW]

@@ -236,7 +236,8 @@ class TeamState(Copyable):
     def majority(self, observer: str, subject: str) -> int:
         """Above 0 where more robots see an object where an observer does than at another place, below 0 where fewer; 0 is a dispute.
 
-        Who differed from it and looks no more counts where nobody who looks differs.
+        Who differed from it and looks no more counts where nobody who looks differs. Newcomers, who have not seen
+        enough yet to differ from a side, count for none.
         """
         differing = {robot for robot in self.disputes.differing(observer, subject) if self._is_heard(robot)}
         if not differing:
@@ -244,7 +245,8 @@ class TeamState(Copyable):
         looking = {robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)}
         against = differing & looking or differing
         camps = (against - self.disputes.differing(robot, subject) for robot in against)
-        more = 1 + len(looking - differing) - max(map(len, camps))
+        agreeing = looking - differing - self.disputes.newcomers(subject, {observer, *against})
+        more = 1 + len(agreeing) - max(map(len, camps))
         return more or self.disputes.favours(observer, subject, against & looking)
 
     def waits(self, observer: str, subject: str) -> bool:
@@ -273,7 +275,8 @@ class TeamState(Copyable):
         for robot in self.disputes.seeing(subject):
             if self._is_heard(robot) and self.majority(robot, subject) == 0:
                 others = frozenset(filter(self._is_heard, self.disputes.differing(robot, subject)))
-                return [frozenset(filter(self._is_heard, self.disputes.seeing(subject))) - others, others]
+                looking = frozenset(filter(self._is_heard, self.disputes.seeing(subject)))
+                return [looking - others - self.disputes.newcomers(subject, {robot, *others}), others]
         return []
 
     def _is_heard(self, robot: str) -> bool:
