@@ -7,6 +7,7 @@ told a motion, such as a camera on a mast.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from blackboard.wire.messages import Odometry, Readings
@@ -14,6 +15,7 @@ from blackboard.wire.messages import Odometry, Readings
 TURNING = 0.3  # rad/s: by which a robot that drives may have turned while nothing was measured
 PIECES = 50  # of odometry, that are remembered
 LONG = 0.9  # the quantile of their durations that counts as a long one
+LATE = 1.5  # times as long as a long piece: odometry that is late by more is silent
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Untold:
         if since is None or not pieces:  # it never moved
             return Untold(_pieces=pieces, _since=readings.time)
         missing = readings.time - since - (0.0 if told is None else told.dt)
-        late = self._long(told) * (1.5 if told is None else 0.5)
+        late = self._long(told) * (LATE if told is None else 0.5)
         whole = NOTHING if missing <= late else self._gone(missing, told)
         lapse = whole.less(self._counted)
         if told is None:
@@ -58,8 +60,7 @@ class Untold:
 
     def _long(self, told: Odometry | None) -> float:
         """Seconds that a long piece of odometry lasts."""
-        durations = sorted(piece.dt for piece in self._pieces)
-        usual = durations[int(LONG * (len(durations) - 1))] if durations else 0.0
+        usual = long(self._pieces)
         return usual if told is None else max(usual, told.dt)
 
     def _gone(self, seconds: float, told: Odometry | None) -> Unseen:
@@ -69,7 +70,7 @@ class Untold:
         rates = [abs(piece.turn) / piece.dt for piece in known]
         if told is not None:
             speed, rate = max(speeds), max(rates)
-        elif _moves(known[-1]):
+        elif moves(known[-1]):
             speed, rate = (math.sqrt(sum(each**2 for each in some) / len(some)) for some in (speeds, rates))
         else:
             speed = rate = 0.0
@@ -80,5 +81,12 @@ class Untold:
 ALL_TOLD = Untold()
 
 
-def _moves(piece: Odometry) -> bool:
+def long(pieces: Sequence[Odometry]) -> float:
+    """Seconds that a long one of some pieces lasts; 0 of none."""
+    durations = sorted(piece.dt for piece in pieces)
+    return durations[int(LONG * (len(durations) - 1))] if durations else 0.0
+
+
+def moves(piece: Odometry) -> bool:
+    """Whether a piece is of any way or turn."""
     return bool(piece.distance or piece.turn or piece.aside)
