@@ -182,6 +182,7 @@ class Driven(AgentService):
             run, tick = followed.run, followed.tick
         if run != self.run:
             self._begin(run)
+            self._foretold = Foretold()
         if self._pending.posterior is not None:
             self._own().give(self._pending.posterior)
         if self._covered is not None and (text := self._covered.hear(self._pending.odometry, stamp)) is not None:
