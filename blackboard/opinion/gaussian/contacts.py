@@ -87,6 +87,9 @@ class Contacts(Copyable):
 
     _pairs: dict[Pair, Contact] = field(default_factory=dict)
     _ages: dict[Pair, float] = field(default_factory=dict)  # seconds since both spoke of one thing
+    _parted: dict[Pair, float] = field(
+        default_factory=dict
+    )  # seconds since a pair contradicts each other that agreed before
     # robot -> - ln(the share of its first error that is left)
     _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     _reckoned: dict[str, tuple[float, float]] = field(default_factory=dict)  # robot -> variances: reckoned, and in all
@@ -96,6 +99,7 @@ class Contacts(Copyable):
         self._ages = {pair: age + dt for pair, age in self._ages.items()}
         for pair in [pair for pair, age in self._ages.items() if age > UNMET and self._pairs[pair].contradicts]:
             del self._pairs[pair], self._ages[pair]
+        self._parted = {pair: since + dt for pair, since in self._parted.items() if self.contradict(*pair)}
 
     def correct(self, robot: str, belief: Moments, increment: Increment | None) -> None:
         """Note how far a tick's evidence, which led to `belief`, corrected the error of a robot's place.
@@ -133,7 +137,9 @@ class Contacts(Copyable):
                     self._pairs[one, other] = self._met(one, other, said)
                     self._ages[one, other] = 0.0
         agreed = [pair for pair, contact in before.items() if not contact.contradicts]
-        return {robot for pair in agreed if self._pairs[pair].contradicts for robot in pair}
+        parted = [pair for pair in agreed if self._pairs[pair].contradicts]
+        self._parted |= dict.fromkeys(parted, 0.0)
+        return {robot for pair in parted for robot in pair}
 
     def contradict(self, one: str, other: str) -> bool:
         """Whether two robots can hardly both be honest, by all that both spoke of lately."""
@@ -146,10 +152,15 @@ class Contacts(Copyable):
 
         Of robots that are `doubted` for what they see it is held against nobody whom they contradict. The most contradicted one goes
         first, and its contacts no longer count. Of two robots that contradict each other, and of equal camps, nobody can tell which
-        is right: there nobody is left out.
+        is right: there nobody is left out. Of two that agreed before, one has changed since: what confirmed them until then says
+        nothing of which.
         """
         out: set[str] = set()
-        pairs = {pair: contact.contradicts for pair, contact in self._pairs.items()}
+        pairs = {
+            pair: contact.contradicts
+            for pair, contact in self._pairs.items()
+            if contact.contradicts or self._ages[pair] <= min(map(self._changed, pair))
+        }
         while True:
             excess, by = accusers(pairs, out)
             for robot, accuser in [(robot, mate) for mate in doubted for robot in by.get(mate, ())]:
@@ -160,6 +171,10 @@ class Contacts(Copyable):
             if worst is None or excess[worst] <= max(0, *(excess[partner] for partner in by[worst])):
                 return frozenset(out)
             out.add(worst)
+
+    def _changed(self, robot: str) -> float:
+        """Seconds since a robot contradicts another one that it agreed with before; infinity if there is none."""
+        return min((since for pair, since in self._parted.items() if robot in pair), default=math.inf)
 
     def begin(self, robot: str) -> None:
         """A robot begins anew: the error of its place is another one from now on. What it said before is held against it as before."""

@@ -112,6 +112,24 @@ def test_who_is_contradicted_by_better_confirmed_robots_that_are_not_doubted_is_
     assert contacts_of(contradicting, agreeing).left_out(doubted) == set(out)
 
 
+@pytest.mark.parametrize(("since", "out"), [("", set()), ("ob", {"l"})], ids=["before", "since"])
+def test_what_confirmed_a_robot_before_it_parted_from_another_one_says_nothing_of_which_has_changed(
+    since: str, out: set[str]
+) -> None:
+    """A liar whom a mate had confirmed while it was honest was believed, and the only robot that saw it was left out for seconds."""
+    contacts = Contacts()
+    here, far = own(np.zeros(2)), own(np.array([30.0, 0.0]))
+    for at in (here, here, far, far, far):
+        contacts.pass_time(1.0)
+        contacts.judge({"l": at, "o": seen_at(np.zeros(2))})
+        if at is here:
+            contacts.judge({"l": here, "a": seen_at(np.zeros(2))})
+    if since:
+        contacts.judge({"o": here, "b": seen_at(np.zeros(2))})
+    assert contacts.contradict("l", "o")
+    assert contacts.left_out() == out
+
+
 def believed(sigma: float) -> Moments:
     return entering(Moments(np.zeros(3), np.diag([sigma**2, sigma**2, 0.01])), Nuisance())
 
