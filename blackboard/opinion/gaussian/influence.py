@@ -1,7 +1,8 @@
 """How far each robot's evidence has moved what the team believes: nobody moves others much farther than an honest robot would.
 
-Beside the estimate x stands, for each source i, what would be believed without it: x - D, with the same gains. A source is a robot, or
-an object, which stands for all sightings of it. Evidence of i with the innovation v, its covariance S and the gain K adds K v to D.
+Beside the estimate x stands, for each source i, what would be believed without it: x - D, with the same gains. A source is a robot or
+an object. All sightings of it count as its own, too: who sees a robot whose odometry lies is led along by that. Evidence of i with the
+innovation v, its covariance S and the gain K adds K v to D.
 Evidence of others, whose derivatives are H, leaves (I - K H) D of it: they correct what i has moved. This is solution separation
 (Brown and McBurney, Navigation 34(1), 1987) with shared gains, so that a mean for each source is enough. The innovations of honest
 evidence are white. So the covariance C of D is known: K S K^T is added, and (I - K H) C (I - K H)^T is left. Headings are left out.
@@ -144,11 +145,7 @@ class Influence(Copyable):
         # from both sides alike, or else what rounding adds grows
         left = self._honest - (self._honest @ by.T) @ gain.T
         honest = left - gain @ (by @ left)
-        mine = [
-            row
-            for row, source in enumerate(self._sources)
-            if source == robot or (row >= self._robots and source in factor.jacobians)
-        ]
+        mine = [row for row, source in enumerate(self._sources) if source == robot or source in factor.jacobians]
         moved[mine] = self._moved[mine] + gain @ factor.residual
         honest[mine] = self._honest[mine] + gain @ spread @ gain.T
         enter = np.repeat(joint.variances[rows].reshape(-1, 2).sum(axis=1) > KNOWN, 2)
