@@ -10,6 +10,10 @@ from blackboard.wire.gaussians import one_way, parts_of
 from blackboard.wire.messages import Odometry
 from robot_agent.untold import LATE, PIECES, long, moves
 
+SHORTEST = 1e-3  # seconds from step to step, at least: nothing is foretold of less, or of a time that goes back
+MOST = 10.0  # times a piece that it may stand for
+FARTHEST = 1e6  # units, radians or seconds of a piece: beyond that, it is a mistake
+
 
 @dataclass(frozen=True)
 class Foretold:
@@ -26,20 +30,30 @@ class Foretold:
         if told is not None:
             pieces = (*self._pieces, told)[-PIECES:]
             return Foretold(self._rest(told, time), pieces, time, time)
-        is_late = self._until < time <= self._told + LATE * long(self._pieces)
-        if not is_late or not moves(self._pieces[-1]):
+        since = time - self._until
+        is_late = since >= SHORTEST and time <= self._told + LATE * long(self._pieces)
+        if not is_late or not _leads_on(self._pieces[-1], since):
             return replace(self, odometry=None)
-        newest = self._pieces[-1]
-        on = _times(newest, (time - self._until) / newest.dt)
+        on = _times(self._pieces[-1], since / self._pieces[-1].dt)
         return replace(self, odometry=on, _until=time, _ahead=on if self._ahead is None else one_way(self._ahead, on))
 
     def _rest(self, told: Odometry, time: float) -> Odometry:
-        """What a piece tells beyond what was foretold; all of it, where what was foretold is lost."""
-        ahead = self._ahead
-        if ahead is None or time - told.dt > self._until + long(self._pieces) / 2:
+        """What a piece tells beyond what was foretold; all of it, where what was foretold is lost, or time goes back."""
+        ahead, since = self._ahead, time - self._until
+        is_of_it = since >= SHORTEST and time - told.dt <= self._until + long(self._pieces) / 2
+        if ahead is None or not is_of_it or not _is_possible(told):
             return told
-        rest, dt = one_way(_times(ahead, -1.0), told), max(told.dt - ahead.dt, time - self._until)
+        rest, dt = one_way(_times(ahead, -1.0), told), max(told.dt - ahead.dt, since)
         return rest.model_copy(update={"dt": dt} | _sigmas(told, dt / told.dt))
+
+
+def _leads_on(piece: Odometry, seconds: float) -> bool:
+    """Whether a robot that moved so may be taken to move on for some seconds."""
+    return moves(piece) and _is_possible(piece) and seconds <= MOST * piece.dt
+
+
+def _is_possible(piece: Odometry) -> bool:
+    return max(abs(piece.distance), abs(piece.aside), abs(piece.turn), piece.dt) <= FARTHEST
 
 
 def _times(piece: Odometry, factor: float) -> Odometry:

@@ -356,6 +356,28 @@ def test_what_was_foretold_and_what_came_late_lead_to_where_the_odometry_leads(
         assert getattr(given.odometry, name) == pytest.approx(getattr(told.odometry, name), abs=1e-6)
 
 
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from([0.0, 1e-9, 0.1, 0.5, 3.0, -0.5, 1e4, -1e4]),
+            st.none() | st.tuples(st.sampled_from([0.1, -0.1, 1e-12, 1e12]), st.sampled_from([0.0, 3.0, -1e12])),
+            st.sampled_from([1e-6, 0.1, 0.5, 1e12]),
+        ),
+        max_size=30,
+    )
+)
+def test_whatever_the_times_and_pieces_what_is_foretold_is_odometry(
+    steps: list[tuple[float, tuple[float, float] | None, float]],
+) -> None:
+    """A step whose time stood still ended the robot: a piece of no time has no speed."""
+    foretold, time = Foretold(), 0.0
+    for seconds, told, dt in steps:
+        time += seconds
+        foretold = foretold.after(None if told is None else Odometry(distance=told[0], turn=told[1], dt=dt), time)
+        if foretold.odometry is not None:
+            assert Odometry.model_validate(foretold.odometry.model_dump()) == foretold.odometry
+
+
 def test_what_was_foretold_of_odometry_that_is_lost_is_not_taken_back() -> None:
     foretold, odometry = Foretold(), AHEAD.odometry
     for number in range(1, 11):
