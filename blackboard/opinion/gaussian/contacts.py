@@ -87,9 +87,8 @@ class Contacts(Copyable):
 
     _pairs: dict[Pair, Contact] = field(default_factory=dict)
     _ages: dict[Pair, float] = field(default_factory=dict)  # seconds since both spoke of one thing
-    _parted: dict[Pair, float] = field(
-        default_factory=dict
-    )  # seconds since a pair contradicts each other that agreed before
+    #: Pairs that agreed and contradict each other now -> for how many seconds.
+    _parted: dict[Pair, float] = field(default_factory=dict)
     # robot -> - ln(the share of its first error that is left)
     _corrected: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     _reckoned: dict[str, tuple[float, float]] = field(default_factory=dict)  # robot -> variances: reckoned, and in all
@@ -152,8 +151,7 @@ class Contacts(Copyable):
 
         Of robots that are `doubted` for what they see it is held against nobody whom they contradict. The most contradicted one goes
         first, and its contacts no longer count. Of two robots that contradict each other, and of equal camps, nobody can tell which
-        is right: there nobody is left out. Of two that agreed before, one has changed since: what confirmed them until then says
-        nothing of which.
+        is right: there nobody is left out. Of two that agreed before, one has changed: earlier confirmations of both do not count.
         """
         out: set[str] = set()
         pairs = {

@@ -148,12 +148,12 @@ class Disputes(Copyable):
         return set().union(*pairs) - {observer}
 
     def newcomers(self, subject: str, sides: Collection[str]) -> set[str]:
-        """Whose offset of an object has more than twice the sigma that it has of each of some robots."""
+        """Who has seen so little of an object that its offset has more than twice the sigma of that of each of some robots."""
         known = {
             robot: float(np.trace(view.score.covariance)) for (of, robot), view in self._views.items() if of == subject
         }
         least = min((known[robot] for robot in sides if robot in known), default=0.0)
-        return {robot for robot, information in known.items() if 4.0 * information < least}
+        return {robot for robot, information in known.items() if 2.0**2 * information < least}
 
     def seeing(self, subject: str) -> list[str]:
         """Who has seen an object in the last two seconds."""
