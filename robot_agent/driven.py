@@ -25,7 +25,7 @@ from blackboard.wire.gaussians import one_way
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from blackboard.wire.types import MAX_OPINIONS, Message
 from robot_agent.config import VisionSection, settings_of, table_of
-from robot_agent.foretold import Foretold
+from robot_agent.extrapolated import Extrapolated
 from robot_agent.gaussian.agent import JointAgent
 from robot_agent.gaussian.own import Given, Independence, of_particles
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, sensors_of, wheels_of
@@ -153,7 +153,7 @@ class Driven(AgentService):
         """`news` gets what the peer hears, after it was taken; `arguments` are the others of `AgentService`."""
         self._news, self._sensors = news, sensors
         self._pending = SinceStep()  # what no tick has taken yet
-        self._foretold = Foretold()
+        self._extrapolated = Extrapolated()
         self._warned = False  # that beliefs come from the team
         self._covered: Covered | None = Covered()  # None once it was said what is wrong
         super().__init__(sensors=sensors, hears_readings=False, **arguments)
@@ -182,15 +182,16 @@ class Driven(AgentService):
             run, tick = followed.run, followed.tick
         if run != self.run:
             self._begin(run)
-            self._foretold = Foretold()
+            self._extrapolated = Extrapolated()
         if self._pending.posterior is not None:
             self._own().give(self._pending.posterior)
         if self._covered is not None and (text := self._covered.hear(self._pending.odometry, stamp)) is not None:
             self._covered = None
             log.warning("%s: %s", self.robot, text)
-        if self.independence is None:  # a filter of its own tells its odometry with each posterior
-            self._foretold = self._foretold.after(self._pending.odometry, stamp)
-            self._pending = replace(self._pending, odometry=self._foretold.odometry)
+        # The odometry of a filter of its own comes with each posterior, and says what that was predicted from.
+        if self.independence is None:
+            self._extrapolated = self._extrapolated.after(self._pending.odometry, stamp)
+            self._pending = replace(self._pending, odometry=self._extrapolated.odometry)
         self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
         self._pending = SinceStep()
         out = self._turn(now)

@@ -124,7 +124,7 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
             shown[subject, one.source] = alarms["liar", one.source] = text
         for out in consensus.left_out:
             shown[subject, out.source] = f"{named(out.source)} was ignored about {subject}: {out.reason}"
-        if consensus.parameters.get(DISTRUSTED) == 1.0:
+        if consensus.parameters.get(DISTRUSTED) == 1.0 and subject.startswith("robot/"):
             robot = subject.removeprefix("robot/")
             alarms["moved", robot] = (
                 f"{robot} is not where its odometry led, its mates see: it was pushed or carried, or its wheels or gyro are wrong"

@@ -19,7 +19,7 @@ from blackboard.process.reactions import Cue
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
 from robot_agent.driven import PIECES, UNKNOWN_WHEELS, Driven, SinceStep, driven, sensors_in
-from robot_agent.foretold import Foretold
+from robot_agent.extrapolated import Extrapolated
 from robot_agent.gaussian.sensors import Wheels
 from tests.present import present
 from tests.robot_agent.services import NOW, clock, kinds
@@ -341,14 +341,14 @@ def test_a_robot_whose_odometry_comes_every_fifth_step_is_where_it_is_in_each() 
     speeds=st.lists(st.tuples(st.floats(0.1, 2.0), st.floats(-1, 1)), min_size=30, max_size=30),
     comes=st.lists(st.booleans(), min_size=30, max_size=30),
 )
-def test_what_was_foretold_and_what_came_late_lead_to_where_the_odometry_leads(
+def test_what_was_extrapolated_and_what_came_late_lead_to_where_the_odometry_leads(
     speeds: list[tuple[float, float]], comes: list[bool]
 ) -> None:
-    foretold, told, given, pieces = Foretold(), SinceStep(), SinceStep(), SinceStep()
+    extrapolated, told, given, pieces = Extrapolated(), SinceStep(), SinceStep(), SinceStep()
     for number, ((speed, rate), is_told) in enumerate(zip(speeds, [*comes[:-1], True], strict=True), 1):
         pieces = pieces.plus(SinceStep(Odometry(distance=0.1 * speed, turn=0.1 * rate, dt=0.1)))
-        foretold = foretold.after(pieces.odometry if is_told else None, 0.1 * number)
-        given = given.plus(SinceStep(foretold.odometry))
+        extrapolated = extrapolated.after(pieces.odometry if is_told else None, 0.1 * number)
+        given = given.plus(SinceStep(extrapolated.odometry))
         told, pieces = (told.plus(pieces), SinceStep()) if is_told else (told, pieces)
     assert told.odometry is not None
     assert given.odometry is not None
@@ -366,25 +366,27 @@ def test_what_was_foretold_and_what_came_late_lead_to_where_the_odometry_leads(
         max_size=30,
     )
 )
-def test_whatever_the_times_and_pieces_what_is_foretold_is_odometry(
+def test_whatever_the_times_and_pieces_what_is_extrapolated_is_odometry(
     steps: list[tuple[float, tuple[float, float] | None, float]],
 ) -> None:
     """A step whose time stood still ended the robot: a piece of no time has no speed."""
-    foretold, time = Foretold(), 0.0
+    extrapolated, time = Extrapolated(), 0.0
     for seconds, told, dt in steps:
         time += seconds
-        foretold = foretold.after(None if told is None else Odometry(distance=told[0], turn=told[1], dt=dt), time)
-        if foretold.odometry is not None:
-            assert Odometry.model_validate(foretold.odometry.model_dump()) == foretold.odometry
+        extrapolated = extrapolated.after(
+            None if told is None else Odometry(distance=told[0], turn=told[1], dt=dt), time
+        )
+        if extrapolated.odometry is not None:
+            assert Odometry.model_validate(extrapolated.odometry.model_dump()) == extrapolated.odometry
 
 
-def test_what_was_foretold_of_odometry_that_is_lost_is_not_taken_back() -> None:
-    foretold, odometry = Foretold(), AHEAD.odometry
+def test_what_was_extrapolated_of_odometry_that_is_lost_is_not_taken_back() -> None:
+    extrapolated, odometry = Extrapolated(), AHEAD.odometry
     for number in range(1, 11):
-        foretold = foretold.after(odometry, 0.1 * number)
-    foretold = foretold.after(None, 1.1).after(None, 1.2)
-    assert foretold.odometry is None  # it is silent by now
-    assert foretold.after(odometry, 3.0).odometry == odometry
+        extrapolated = extrapolated.after(odometry, 0.1 * number)
+    extrapolated = extrapolated.after(None, 1.1).after(None, 1.2)
+    assert extrapolated.odometry is None  # it is silent by now
+    assert extrapolated.after(odometry, 3.0).odometry == odometry
 
 
 def test_a_robot_whose_odometry_stops_is_told_so_once() -> None:

@@ -177,9 +177,16 @@ def test_a_robot_that_is_stuck_or_was_moved_says_so_itself(settings: dict[str, s
     assert [(alarm.what, alarm.who) for alarm in team.alarms.all()] == [(kind, "r1") for kind in kinds]
 
 
-def test_a_robot_whose_odometry_its_team_does_not_believe_was_moved() -> None:
-    team = settled(1, conflict=False, subject="robot/r1", parameters={"gate": 3.7, "odometry distrusted": 1.0})
-    assert [(alarm.what, alarm.who) for alarm in team.alarms.all()] == [("moved", "r1")]
+@pytest.mark.parametrize(
+    ("subject", "value", "whom"),
+    [("robot/r1", 1.0, ["r1"]), ("object/ball", 1.0, []), ("robot/r1", 1e12, []), ("robot/r1", "x", [])],
+)
+def test_a_robot_whose_odometry_its_team_does_not_believe_was_moved(
+    subject: str, value: float | str, whom: list[str]
+) -> None:
+    """Other values, and an object's, are what no board of this version says: they raise no alarm."""
+    team = settled(1, conflict=False, subject=subject, parameters={"gate": 3.7, "odometry distrusted": value})
+    assert [alarm.who for alarm in team.alarms.all() if alarm.what == "moved"] == whom
 
 
 def test_a_moment_waits_for_a_belief_that_its_status_overtook() -> None:

@@ -153,11 +153,11 @@ class Contacts(Copyable):
         first, and its contacts no longer count. Of two robots that contradict each other, and of equal camps, nobody can tell which
         is right: there nobody is left out. Of two that agreed before, one has changed: earlier confirmations of both do not count.
         """
-        out: set[str] = set()
+        out, parted = set[str](), self._since_parted()
         pairs = {
             pair: contact.contradicts
             for pair, contact in self._pairs.items()
-            if contact.contradicts or self._ages[pair] <= min(map(self._changed, pair))
+            if contact.contradicts or all(self._ages[pair] <= parted.get(robot, math.inf) for robot in pair)
         }
         while True:
             excess, by = accusers(pairs, out)
@@ -170,9 +170,12 @@ class Contacts(Copyable):
                 return frozenset(out)
             out.add(worst)
 
-    def _changed(self, robot: str) -> float:
-        """Seconds since a robot contradicts another one that it agreed with before; infinity if there is none."""
-        return min((since for pair, since in self._parted.items() if robot in pair), default=math.inf)
+    def _since_parted(self) -> dict[str, float]:
+        """Of robots that contradict one with which they agreed before: for how many seconds, by the newest such pair."""
+        newest: dict[str, float] = {}
+        for pair, since in self._parted.items():
+            newest |= {robot: min(since, newest.get(robot, math.inf)) for robot in pair}
+        return newest
 
     def begin(self, robot: str) -> None:
         """A robot begins anew: the error of its place is another one from now on. What it said before is held against it as before."""
