@@ -25,6 +25,7 @@ from robot_agent.config import SendSection
 from robot_agent.short import shorter
 from robot_agent.sightings import Sightings
 from robot_agent.slots import DATAGRAM, Slots
+from robot_agent.told_way import ToldWay
 from robot_agent.worth import COARSER, COARSEST, Offers, Option, TeamKnowledge, divergence, gained
 
 #: Factor on the worth of a belief about a subject that the boards' joint knows from evidence: such a belief enters the consensus only.
@@ -93,6 +94,7 @@ class Budget:
     price: float = PRICE
     sent: dict[str, LastSent] = field(default_factory=dict)
     sightings: Sightings = field(default_factory=Sightings)  # what boards that keep a joint know from those in evidence
+    way: ToldWay = field(default_factory=ToldWay)
     _offers: Offers = field(init=False)
     _priced_at: float = -math.inf  # team time, seconds
     _since: dict[str, float] = field(default_factory=dict)  # subject -> team time since which nothing was said about it
@@ -115,17 +117,19 @@ class Budget:
             return Sending(list(reports), {})
         reports = [_short(report) for report in reports]
         self.bucket.refill(time)
+        evidence = next((report.evidence for report in reports if report.evidence is not None), None)
+        if evidence is not None:
+            self.way.on_tick(evidence)
         if self.slots is not None:
-            evidence = next((report.evidence for report in reports if report.evidence is not None), None)
             if not self.slots.due(time):
                 self.slots.wait(time, evidence)
                 silent = {report.subject for report in reports} & self.sent.keys()
                 return Sending([], {subject: self.aged(subject, time, speed) for subject in sorted(silent)})
             if evidence is not None:
-                gathered = {"evidence": self.slots.with_means(time, evidence)}
-                reports = [
-                    report if report.evidence is None else report.model_copy(update=gathered) for report in reports
-                ]
+                evidence = self.slots.with_means(time, evidence, self.way)
+        if evidence is not None:
+            told = {"evidence": evidence.model_copy(update={"travelled": self.way.told(evidence)})}
+            reports = [report if report.evidence is None else report.model_copy(update=told) for report in reports]
         most = math.log(self.grid.size)  # a board may tell an entropy that no belief on this grid has
         team = {subject: replace(about, entropy=min(most, max(0.0, about.entropy))) for subject, about in team.items()}
         subjects = {report.subject for report in reports}
@@ -179,6 +183,7 @@ class Budget:
                 self._state_at = evidence.epoch, time
             if evidence is not None:
                 self.sightings.said(evidence)
+                self.way.said()
 
     def _chosen(self, options: Mapping[str, list[Option]], time: float, known: Collection[str]) -> dict[str, Option]:
         """Who has waited too long comes first; then the best for its bytes, as long as it is worth the price.

@@ -15,6 +15,7 @@ from blackboard.opinion.grid import Array
 from blackboard.wire.evidence import PackedEvidence, PackedRelative, Seen
 from robot_agent.short import single
 from robot_agent.sightings import fresh_error
+from robot_agent.told_way import Shift, ToldWay
 
 DATAGRAM = 1200  # bytes of a message at most, its key included: a packet of UDP on any network
 MOST = 24  # sightings that wait to be told
@@ -23,10 +24,9 @@ EARLY = 1e-6  # of a slot: a tick that ends as it begins must not miss it by rou
 
 @dataclass(frozen=True)
 class HeldSighting:
-    """A sighting that waits: when it was taken (team time, s), and how far the robot had turned by then (rad, by the odometry)."""
+    """A sighting that waits, and when it was taken (team time, s)."""
 
     time: float
-    turned: float
     seen: PackedRelative | Seen
 
     @property
@@ -52,13 +52,16 @@ class Slots:
         """Nothing is sent in this tick: what it saw is sent in the next slot."""
         self._epoch, self._waiting = (-1, []) if evidence is None else (evidence.epoch, self._gathered(time, evidence))
 
-    def with_means(self, time: float, evidence: PackedEvidence) -> PackedEvidence:
-        """The evidence of a tick, with the mean of all sightings of a subject since the last slot."""
+    def with_means(self, time: float, evidence: PackedEvidence, way: ToldWay) -> PackedEvidence:
+        """The evidence of a tick, with the mean of all sightings of a subject since the last slot.
+
+        It tells how the robot came here by its `way`, which has taken this tick.
+        """
         alike = _alike(self._gathered(time, evidence))
         profile = [] if any(len(several) > 1 for several in alike) else evidence.profile
         relatives, seen = list[PackedRelative](), list[Seen]()
         for several in alike:
-            mean = _mean(several, time, evidence, alone=bool(profile))
+            mean = _mean(several, time, evidence, way, alone=bool(profile))
             if isinstance(mean, Seen):
                 seen.append(mean)
             else:
@@ -76,7 +79,7 @@ class Slots:
         """What waits, and what this tick saw. In an epoch that is over it was seen from a place that is no longer believed."""
         before = self._waiting if evidence.epoch == self._epoch else []
         seen: list[PackedRelative | Seen] = [*evidence.relatives, *evidence.seen]
-        new = [HeldSighting(time - sighting.age, evidence.travelled.turn, sighting) for sighting in seen]
+        new = [HeldSighting(time - sighting.age, sighting) for sighting in seen]
         return [*new, *before][:MOST]
 
 
@@ -98,43 +101,51 @@ def _alike(waiting: Sequence[HeldSighting]) -> list[list[HeldSighting]]:
     return groups
 
 
-def _mean(several: Sequence[HeldSighting], time: float, evidence: PackedEvidence, alone: bool) -> PackedRelative | Seen:
-    """The mean of sightings of one subject: what would be seen at their mean time, where both ends move evenly.
+def _mean(
+    several: Sequence[HeldSighting], time: float, evidence: PackedEvidence, way: ToldWay, alone: bool
+) -> PackedRelative | Seen:
+    """The mean of sightings of one subject: where it was at their mean time, from where boards have the robot at that time.
 
-    Each is turned into the robot's frame of that time. Their fresh errors are independent, and what lasts is in all of them.
-    `alone`: the profile of the evidence, if it has one, is sent too.
+    Their fresh errors are independent, and what lasts is in all of them. `alone`: the profile of the evidence, if it has one, is
+    sent too.
     """
     count = len(several)
     age = max(0.0, time - sum(sighted.time for sighted in several) / count)
-    turned = sum(sighted.turned for sighted in several) / count
-    told = [(sighted.seen, sighted.turned - turned) for sighted in several]
-    relatives = [(seen, turn) for seen, turn in told if isinstance(seen, PackedRelative)]
+    shifts = [way.shift(time - sighted.time, age) for sighted in several]
+    relatives = [
+        (held.seen, shift) for held, shift in zip(several, shifts, strict=True) if isinstance(held.seen, PackedRelative)
+    ]
     if not relatives:
-        return _mean_of_kind([(seen, turn) for seen, turn in told if isinstance(seen, Seen)], age)
-    newest, _ = relatives[0]
-    if alone:
+        seen = [(held.seen, shift) for held, shift in zip(several, shifts, strict=True) if isinstance(held.seen, Seen)]
+        return _mean_of_kind(seen, age)
+    newest, shift = relatives[0]
+    if count == 1 and not shift:
         return newest.model_copy(update={"age": single(age)})
-    x, y = np.mean([turned_by(_place(relative.range, relative.bearing), turn) for relative, turn in relatives], axis=0)
-    away = max(math.hypot(x, y), NEAREST)
-    along, across = np.mean([fresh_error(relative, evidence) for relative, _ in relatives], axis=0) / count
+    x, y = np.mean([shift.moved(_place(relative.range, relative.bearing)) for relative, shift in relatives], axis=0)
     numbers = {"range": math.hypot(x, y), "bearing": math.atan2(y, x), "age": age}
-    variances = {"range_variance": along, "bearing_variance": across / away**2}
-    return newest.model_copy(update={name: single(value) for name, value in {**numbers, **variances}.items()})
+    if not alone:
+        away = max(numbers["range"], NEAREST)
+        along, across = np.mean([fresh_error(relative, evidence) for relative, _ in relatives], axis=0) / count
+        numbers |= {"range_variance": along, "bearing_variance": across / away**2}
+    return newest.model_copy(update={name: single(value) for name, value in numbers.items()})
 
 
-def _mean_of_kind(told: Sequence[tuple[Seen, float]], age: float) -> Seen:
-    """The mean of sightings of one further kind, each with how far the robot had turned since the mean time."""
+def _mean_of_kind(told: Sequence[tuple[Seen, Shift]], age: float) -> Seen:
+    """The mean of sightings of one further kind. A range alone stays as it is, and a bearing alone is turned."""
     newest, count = told[0][0], len(told)
     rows, spreads = list[Array](), list[Array]()
-    for seen, turn in told:
+    for seen, shift in told:
         values, spread = np.array(seen.values), triangle(seen.covariance)
         if len(values) > 1:
             frame = np.eye(len(values))
-            frame[AXES, AXES] = np.stack([turned_by(np.array(axis), turn) for axis in ((1.0, 0.0), (0.0, 1.0))], axis=1)
-            values, spread = frame @ values, frame @ spread @ frame.T
+            frame[AXES, AXES] = np.stack(
+                [turned_by(np.array(axis), shift.turned) for axis in ((1.0, 0.0), (0.0, 1.0))], axis=1
+            )
+            spread = frame @ spread @ frame.T
+            values[AXES] = shift.moved(values[AXES])
         if seen.kind in ("bearing", "pose"):
-            first = newest.values[-1] + told[0][1]
-            values[-1] = first + wrap(float(values[-1]) + turn - first)
+            first = newest.values[-1] + told[0][1].turned
+            values[-1] = first + wrap(float(values[-1]) + shift.turned - first)
         rows.append(values)
         spreads.append(spread)
     covariance = upper(np.mean(spreads, axis=0) / count)

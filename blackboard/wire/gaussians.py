@@ -201,27 +201,25 @@ def one_way(first: Odometry, second: Odometry) -> Odometry:
 
     A sigma that one of them does not have is left out.
     """
-    ahead = aside = on_curves = driven = 0.0
-    for piece, off in ((first, -second.turn / 2), (second, first.turn / 2)):
-        c, s = math.cos(off), math.sin(off)
-        ahead += piece.distance * c - piece.aside * s
-        aside += piece.distance * s + piece.aside * c
-        curved, turned = parts_of(piece)
-        on_curves += curved * c
-        driven += turned
+    whole = _motion_of(first).then(_motion_of(second))
     sigmas = {}
     for name in ("distance_sigma", "turn_sigma"):
         one, other = getattr(first, name), getattr(second, name)
         sigmas[name] = None if one is None or other is None else math.hypot(one, other)
     return Odometry(
-        distance=ahead,
-        turn=first.turn + second.turn,
-        dt=first.dt + second.dt,
-        aside=aside,
-        curved=on_curves,
-        driven=driven,
+        distance=whole.distance,
+        turn=whole.turn,
+        dt=whole.dt,
+        aside=whole.aside,
+        curved=whole.curved,
+        driven=whole.driven,
         **sigmas,
     )
+
+
+def _motion_of(piece: Odometry) -> Motion:
+    curved, driven = parts_of(piece)
+    return Motion(piece.distance, piece.turn, piece.dt, curved=curved, driven=driven, aside=piece.aside)
 
 
 def unpack_nuisance(packed: PackedNuisance) -> Nuisance:

@@ -121,6 +121,15 @@ class Motion:
         """Both spans as one; the shape of the way between is lost."""
         return Motion(*map(add, self.numbers(), later.numbers()))
 
+    def then(self, later: Motion) -> Motion:
+        """Both spans as one that leads where they lead: its way is seen at the heading halfway through its turn."""
+        (ahead, aside), (further, to_side) = (
+            turned_by((part.distance, part.aside), off)
+            for part, off in ((self, -later.turn / 2), (later, self.turn / 2))
+        )
+        curved = self.curved * math.cos(later.turn / 2) + later.curved * math.cos(self.turn / 2)
+        return replace(self.plus(later), distance=float(ahead + further), aside=float(aside + to_side), curved=curved)
+
     def times(self, share: float) -> Motion:
         """So much of it, at an even speed."""
         part = Motion(*(share * number for number in self.numbers()))
