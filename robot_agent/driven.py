@@ -56,6 +56,7 @@ UNKNOWN_WHEELS = Wheels(
 
 BENDS = 0.5 / math.sqrt(3)  # `Wheels.bends`: a turn begins or ends at any time within a step
 PIECES = 50  # of odometry, before it is judged which time they cover
+GUESSED = 10  # steps that see something without odometry, after which that is said
 SILENT = 1.0  # seconds without any odometry, after which that is said
 LACKING, UNIT = 0.7, 20.0  # times the time that passed: less leaves motion out, more is of another unit
 
@@ -70,23 +71,27 @@ class SinceStep:
     sightings: tuple[Sighting, ...] = ()  # ranges with bearings
     seen: tuple[Seen, ...] = ()  # of other kinds
     posterior: Moments | None = None  # of a filter of the robot's own
+    after: Odometry | None = None  # what of the odometry came after the posterior
 
     def plus(self, later: "SinceStep") -> "SinceStep":
         """Both: one way follows the other, turns add up, of place and heading the newest counts."""
-        before, odometry = self.odometry, later.odometry
-        if before is not None and odometry is not None:
-            odometry = one_way(before, odometry)
         compass, fix = self.compass, self.fix
         if later.fix is not None and later.fix.heading is None and fix is not None and fix.heading is not None:
             compass = compass or (fix.heading, fix.heading_sigma)  # the fix is replaced, its heading holds
         return SinceStep(
-            odometry or before,
+            _both_ways(self.odometry, later.odometry),
             later.compass or compass,
             later.fix or self.fix,
             (*self.sightings, *later.sightings)[-MAX_OPINIONS:],
             (*self.seen, *later.seen)[-MAX_OPINIONS:],
-            self.posterior if later.posterior is None and later.odometry is None else later.posterior,
+            *self._posterior_and(later),
         )
+
+    def _posterior_and(self, later: "SinceStep") -> tuple[Moments | None, Odometry | None]:
+        """The newest posterior of both, and what was driven after it."""
+        if later.posterior is not None or self.posterior is None:
+            return later.posterior, later.after
+        return self.posterior, _both_ways(self.after, later.odometry)
 
     def readings(self, run: str, robot: str, tick: int, time: float) -> Readings:
         """All of it as the readings of a tick at a team time (s)."""
@@ -103,6 +108,10 @@ class SinceStep:
             sightings=list(self.sightings),
             seen=list(self.seen),
         )
+
+
+def _both_ways(first: Odometry | None, second: Odometry | None) -> Odometry | None:
+    return first or second if first is None or second is None else one_way(first, second)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +163,7 @@ class Driven(AgentService):
         self._news, self._sensors = news, sensors
         self._pending = SinceStep()  # what no tick has taken yet
         self._extrapolated = Extrapolated()
+        self._guessed = 0  # steps in which it saw something while odometry was extrapolated
         self._warned = False  # that beliefs come from the team
         self._covered: Covered | None = Covered()  # None once it was said what is wrong
         super().__init__(sensors=sensors, hears_readings=False, **arguments)
@@ -184,14 +194,13 @@ class Driven(AgentService):
             self._begin(run)
             self._extrapolated = Extrapolated()
         if self._pending.posterior is not None:
-            self._own().give(self._pending.posterior)
+            self._own().give(self._pending.posterior, self._pending.after)
         if self._covered is not None and (text := self._covered.hear(self._pending.odometry, stamp)) is not None:
             self._covered = None
             log.warning("%s: %s", self.robot, text)
-        # The odometry of a filter of its own comes with each posterior, and says what that was predicted from.
-        if self.independence is None:
-            self._extrapolated = self._extrapolated.after(self._pending.odometry, stamp)
-            self._pending = replace(self._pending, odometry=self._extrapolated.odometry)
+        self._extrapolated = self._extrapolated.after(self._pending.odometry, stamp)
+        self._warn_of_guessed(self._pending)
+        self._pending = replace(self._pending, odometry=self._extrapolated.odometry)
         self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
         self._pending = SinceStep()
         out = self._turn(now)
@@ -202,6 +211,18 @@ class Driven(AgentService):
                 self.robot,
             )
         return self.pose(), out
+
+    def _warn_of_guessed(self, since: SinceStep) -> None:
+        """Say once that odometry is extrapolated where the robot sees something."""
+        if since.odometry is not None or self._extrapolated.odometry is None or not (since.sightings or since.seen):
+            return
+        self._guessed += 1
+        if self._guessed == GUESSED:
+            log.warning(
+                "%s: it sees something in steps without odometry, and where it was then is extrapolated; "
+                "call odometry() in each step, also beside belief()",
+                self.robot,
+            )
 
     def _own(self) -> Given:
         """What stands for the robot's own filter, from its first posterior on. Its lasting errors are left to that filter."""

@@ -45,6 +45,7 @@ class Robot(Membership):
         self._told: SinceStep | None = None  # since the last step
         self._own: bool | None = None  # whether it has a filter of its own; None: not known yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
+        self._has_driven = False  # whether `odometry` was told since the newest posterior
         self._jumps = 0  # times that its frame was said to have jumped
         self._fixed: tuple[float, float] | None = None  # where its newest fix has it
         self._warned: set[str] = set()  # of which arguments
@@ -96,7 +97,8 @@ class Robot(Membership):
             self._warn(
                 "aside", 'its boards keep no joint, so what it drives to the side is left out: [board] fusion = "joint"'
             )
-        self._tell(odometry=moved)
+        self._tell(odometry=moved, own=None)
+        self._has_driven = True
 
     def moved_to(
         self, pose: npt.ArrayLike, dt: float, distance_sigma: float | None = None, turn_sigma: float | None = None
@@ -233,20 +235,21 @@ class Robot(Membership):
 
     # --- a filter of one's own ----------------------------------------------------------------------------------------
 
-    def belief(self, mean: npt.ArrayLike, covariance: npt.ArrayLike, odometry: npt.ArrayLike) -> None:
+    def belief(self, mean: npt.ArrayLike, covariance: npt.ArrayLike, odometry: npt.ArrayLike | None = None) -> None:
         """The posterior (x, y, heading) of the robot's own filter, with covariance (3, 3), and the odometry since the one before.
 
         `odometry` is (distance, turn, dt), or (distance, turn, dt, distance_sigma, turn_sigma) where you know what noise your filter
-        gives it; of a robot that drives sideways with the way to its left behind that. What the posterior gained over its prediction
-        goes to the team, once. Nothing that came from the team may be in it: neither `pose` nor `agreed`. Sightings of mates and
-        objects go to `see` as before, fixes and landmarks into your filter.
+        gives it; of a robot that drives sideways with the way to its left behind that. Without it, what `odometry` has told since
+        counts: so does a filter that is slower than the wheels. What the posterior gained over its prediction goes to the team, once.
+        Nothing that came from the team may be in it: neither `pose` nor `agreed`. Sightings of mates and objects go to `see` as
+        before, fixes and landmarks into your filter.
         """
         known = Call("belief")
         place = known.numbers("mean", mean, (3,))
         self._posterior(known, np.array(place), known.covariance("covariance", covariance, 3), odometry)
 
     def particles(
-        self, particles: npt.ArrayLike, odometry: npt.ArrayLike, weights: npt.ArrayLike | None = None
+        self, particles: npt.ArrayLike, odometry: npt.ArrayLike | None = None, weights: npt.ArrayLike | None = None
     ) -> None:
         """The same for a particle filter: (x, y, heading) of each, shape (N, 3); weights [default: equal] in any scale.
 
@@ -266,16 +269,24 @@ class Robot(Membership):
         """Of a robot that gives beliefs: how independent of the team's belief they are; `fed_back` where they come from it."""
         return self._desk.call(lambda now: (self._driven.independence, []))
 
-    def _posterior(self, known: Call, mean: Any, covariance: Any, odometry: npt.ArrayLike) -> None:
+    def _posterior(self, known: Call, mean: Any, covariance: Any, odometry: npt.ArrayLike | None) -> None:
+        moved = None if odometry is None else self._piece(known, odometry)
+        if (moved is None) != self._has_driven:
+            told = "was told by odometry() since the last one: leave it out here"
+            untold = "give (distance, turn, dt) since the last one, or call odometry() as it comes"
+            raise known.wrong("odometry", odometry, told if self._has_driven else untold)
+        posterior = None if mean is None else Moments(mean, covariance)
+        self._tell(odometry=moved, posterior=posterior, own=True)
+        self._has_driven = False
+
+    def _piece(self, known: Call, odometry: npt.ArrayLike) -> Odometry:
         size = next((size for size in (4, 5, 6) if known.shape(odometry) == (size,)), 3)
         distance, turn, dt, *sigmas = known.numbers("odometry", odometry, (size,))
         aside = sigmas.pop() if size in (4, 6) else 0.0
         if dt < LEAST or any(sigma < 0 for sigma in sigmas):
             raise known.wrong("odometry", odometry, "dt is above 0, and no sigma is below")
         names = ("distance_sigma", "turn_sigma")
-        moved = Odometry(distance=distance, turn=turn, dt=dt, aside=aside, **dict(zip(names, sigmas, strict=False)))
-        posterior = None if mean is None else Moments(mean, covariance)
-        self._tell(odometry=moved, posterior=posterior, own=True)
+        return Odometry(distance=distance, turn=turn, dt=dt, aside=aside, **dict(zip(names, sigmas, strict=False)))
 
     # --- the place in the team ----------------------------------------------------------------------------------------
 
@@ -332,9 +343,7 @@ class Robot(Membership):
         from robot_agent.driven import SinceStep
 
         if own is not None and self._own not in (own, None):
-            raise ValueError(
-                f"{self.robot}: gives either the readings of odometry, compass and fixes, or beliefs of a filter of its own"
-            )
+            raise ValueError(f"{self.robot}: gives either compass and fixes, or beliefs of a filter of its own")
         self._own = self._own if own is None else own
         with self._lock:
             self._told = (self._told or SinceStep()).plus(SinceStep(**told))

@@ -17,7 +17,7 @@ from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Block, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.vehicle import HEADING, POSE, Motion, Nuisance, drive, entering, wrap
 from blackboard.opinion.grid import Array
-from blackboard.wire.messages import Readings
+from blackboard.wire.messages import Odometry, Readings
 from robot_agent.gaussian.filter import FilterResult, FirstHand
 from robot_agent.gaussian.landmarks import Named
 
@@ -78,30 +78,41 @@ class Given(FirstHand):
     """Mutable; `give` a posterior before the `step` of its tick. Fixes, compass and landmarks of readings are the own filter's."""
 
     posterior: Moments | None = None  # (x, y, heading), shape (3,) and (3, 3)
+    #: What of the step's odometry was driven after the posterior. It comes between two steps.
+    after: Odometry | None = None
     independence: Independence = field(default_factory=Independence)
     #: Of the noise: along and across the way, of the heading, per second.
     _rates: tuple[float, float, float] | None = None
     gain: Increment | None = None  # of the newest posterior, whether it is sent or not
+    _newest: Moments | None = None  # the posterior of an earlier step
+    _since: Motion = field(default_factory=Motion)  # the way since that, with the noise that was told of it
     _idle: bool = False  # whether the newest posterior took nothing in
 
-    def give(self, posterior: Moments | None) -> None:
-        """Take a posterior for the next step; None: it has none now, as while there are several hypotheses."""
-        self.posterior = posterior
+    def give(self, posterior: Moments | None, after: Odometry | None = None) -> None:
+        """Take a posterior for the next step; None: it has none now, as while there are several hypotheses.
+
+        `after`: what of the step's odometry the robot drove after it.
+        """
+        self.posterior, self.after = posterior, after
 
     def step(self, readings: Readings, at: Moments | None = None) -> FilterResult:
         if self.epoch < 0:
             self.restart(readings.time)
-        given, self.posterior = self.posterior, None
+        given = self.posterior
+        if given is not None and self.after is not None:
+            given = self._moved(given, self._noisy(self.after, None))
+        self.posterior = self.after = None
         self.untold = self.untold.after(readings)
         motion = self._motion(readings, given, at)
         prediction = self.belief
         if given is not None and prediction is not None and _has_jumped(prediction, given):
             self.restart(readings.time)
-            motion, prediction, self._last = Motion(), None, readings
+            motion, prediction, self._last, self._newest = Motion(), None, readings, None
         self._unsent.predict(prediction)
         if given is not None:
             self.joint = Joint()
             self.joint.add(self.robot, entering(given, Nuisance()))
+            self._newest, self._since = given, Motion()
         self.gain = self._gained(prediction)
         told_of = not self.independence.fed_back
         increment, unsent = (self.gain, self._gained(self._unsent.before)) if told_of else (None, None)
@@ -119,7 +130,8 @@ class Given(FirstHand):
     def _motion(self, readings: Readings, given: Moments | None, at: Moments | None) -> Motion:
         """Predict with the odometry. Its noise is the own filter's, as far as the caller or earlier posteriors have told it.
 
-        A posterior that is nowhere sharper than the one before, moved on without noise, took nothing in: what it lost is the noise.
+        A posterior that is nowhere sharper than the one before, moved on without noise, took nothing in: what it lost is the noise
+        of the way since then, of which some has been told in steps without a posterior.
         Where the noise is told, it is moved on with that, because a filter that takes something in at each step loses as much.
         """
         told, before, self._last = readings.odometry, self._last, readings
@@ -128,41 +140,52 @@ class Given(FirstHand):
             motion = self._blind(readings, at)
             self._drive(motion)
             return motion
-        motion = self.sensors.wheels.motion(told, None if before is None else before.odometry)
+        motion = self._noisy(told, None if before is None else before.odometry)
         self._turned = abs(told.turn)
-        if self._rates is not None and told.distance_sigma is None and told.turn_sigma is None:
-            along, across, heading = (rate * told.dt for rate in self._rates)
-            motion = replace(motion, along=along, across=across, heading=heading)
-        if self.known and given is not None:
-            still = replace(motion, along=0.0, across=0.0, heading=0.0)
+        if self._newest is not None and given is not None:
+            whole, spent = self._since.then(motion), self._since
+            still = replace(whole, along=0.0, across=0.0, heading=0.0)
             is_told = told.distance_sigma is not None and told.turn_sigma is not None
-            self._idle = not _is_sharper(given, self._moved(motion if is_told else still))
+            self._idle = not _is_sharper(given, self._moved(self._newest, whole if is_told else still))
             if self._idle:
-                along, across, heading = (max(0.0, float(variance)) for variance in self._lost(still, given))
+                lost = _lost(self._moved(self._newest, still), still.turn, given)
+                along, across, heading = np.maximum(lost - (spent.along, spent.across, spent.heading), 0.0).tolist()
                 motion = replace(motion, along=along, across=across, heading=heading)
-                if told.distance or told.turn or told.aside:
-                    self._rates = along / told.dt, across / told.dt, heading / told.dt
+                if whole.way or whole.turn:
+                    along, across, heading = (np.maximum(lost, 0.0) / whole.dt).tolist()
+                    self._rates = along, across, heading
+        self._since = self._since.then(motion)
         self.travelled = self.travelled.plus(motion)
         for joint in self._joints():
             drive(joint, self.robot, motion, self.sensors.wheels.nuisance, bent=False)
         return motion
 
-    def _moved(self, motion: Motion) -> Moments:
-        ahead = self.joint.copy()
+    def _noisy(self, told: Odometry, before: Odometry | None) -> Motion:
+        """A motion, with the noise that it tells, or that of the own filter as far as it is known."""
+        motion = self.sensors.wheels.motion(told, before)
+        if self._rates is None or told.distance_sigma is not None or told.turn_sigma is not None:
+            return motion
+        along, across, heading = (rate * told.dt for rate in self._rates)
+        return replace(motion, along=along, across=across, heading=heading)
+
+    def _moved(self, posterior: Moments, motion: Motion) -> Moments:
+        """A pose, moved on."""
+        ahead = Joint()
+        ahead.add(self.robot, entering(posterior, Nuisance()))
         drive(ahead, self.robot, motion, self.sensors.wheels.nuisance, bent=False)
         moments = ahead.moments(self.robot)
         return Moments(moments.mean[POSE], moments.covariance[POSE, POSE])
 
-    def _lost(self, motion: Motion, given: Moments) -> Array:
-        """By how much a posterior's variances exceed those of its prediction: along and across the way, and of the heading.
 
-        What a badly known heading adds in a filter that is not linear counts as noise of the way.
-        """
-        prediction = self._moved(motion)
-        way = float(prediction.mean[HEADING]) - motion.turn / 2
-        c, s = np.cos(way), np.sin(way)
-        frame = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        return np.diag(frame @ (given.covariance - prediction.covariance) @ frame.T)
+def _lost(prediction: Moments, turn: float, given: Moments) -> Array:
+    """By how much a posterior's variances exceed those of its prediction: along and across the way, and of the heading.
+
+    `turn` (rad) is that of the way. What a badly known heading adds in a filter that is not linear counts as noise of the way.
+    """
+    way = float(prediction.mean[HEADING]) - turn / 2
+    c, s = np.cos(way), np.sin(way)
+    frame = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.diag(frame @ (given.covariance - prediction.covariance) @ frame.T)
 
 
 def _is_sharper(given: Moments, prediction: Moments) -> bool:

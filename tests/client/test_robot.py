@@ -265,10 +265,30 @@ def test_a_filter_of_its_own_and_particles(endpoint: str) -> None:
         assert robot.newest("object/ball", LONG).belief.grid == GRID
         independence = robot.independence
         assert not present(independence).fed_back
-        with pytest.raises(
-            ValueError, match=r"^r1: gives either the readings of odometry, compass and fixes, or beliefs"
-        ):
+        with pytest.raises(ValueError, match=r"^r1: gives either compass and fixes, or beliefs"):
             robot.fix((1, 1), 0.1)
+
+
+def test_a_filter_that_is_slower_than_the_wheels(endpoint: str) -> None:
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        robot.belief((2.0, 3.0, 0.0), np.diag([0.04, 0.04, 0.01]), (0.0, 0.0, 0.1))
+        robot.step()
+        for number in range(1, 7):
+            robot.odometry(0.1, 0.0, 0.1)
+            if number % 3 == 0:
+                robot.belief((2.0 + 0.1 * number, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]))
+                robot.odometry(0.1, 0.0, 0.1)
+            pose = robot.step()
+            assert present(pose).mean[0] == pytest.approx(2.0 + 0.1 * (number + number // 3), abs=0.11)
+        with pytest.raises(
+            ValueError, match=r"^belief\(odometry=.*\): was told by odometry\(\) since the last one: leave"
+        ):
+            robot.belief((2.8, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]), (0.1, 0.0, 0.1))
+        robot.belief((2.8, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]))
+        with pytest.raises(
+            ValueError, match=r"^belief\(odometry=None\): give \(distance, turn, dt\) since the last one, or"
+        ):
+            robot.belief((2.8, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]))
 
 
 def test_a_call_of_who_is_in_no_team_is_one_sentence(endpoint: str) -> None:

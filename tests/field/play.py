@@ -176,10 +176,11 @@ class Robots(Scheduler):
 class Field(Robots):
     """Boards and robots of a scenario, whose robots are driven by a world.
 
-    `own`: they have filters of their own. `fed_back`: these take what the team believes for a measurement. `unplaced`: these are
-    not told where they start. All claim `cautious` times the noise that their cameras have, and see ranges or bearings `alone`. It
-    begins `began` seconds after a board's period does. Robots drive on while their odometry is `silent`, from and until a time (s).
-    What they see they are told so many steps `late`.
+    `own`: they have filters of their own, whose posteriors come in each so many steps, with the odometry since the one before.
+    `fed_back`: these take what the team believes for a measurement. `unplaced`: these are not told where they start. All claim
+    `cautious` times the noise that their cameras have, and see ranges or bearings `alone`. It begins `began` seconds after a board's
+    period does. Robots drive on while their odometry is `silent`, from and until a time (s). What they see they are told so many
+    steps `late`.
     """
 
     def __init__(
@@ -189,7 +190,7 @@ class Field(Robots):
         sigmas: bool = True,
         phases: Mapping[str, float] | None = None,
         *,
-        own: bool = False,
+        own: int = 0,
         fed_back: bool = False,
         unplaced: tuple[str, ...] = (),
         cautious: float = 1.0,
@@ -205,6 +206,8 @@ class Field(Robots):
         self.alone = alone
         self.claimed = replace(world.truth, range=cautious * world.truth.range, bearing=cautious * world.truth.bearing)
         self.phases = dict(phases or {})  # robot -> seconds that it steps late
+        self.number = 0  # of steps
+        self.driven: dict[str, SinceStep] = {}  # odometry since the newest posterior
         self.work: list[float] = []
         self.ages: list[float] = []  # of what is agreed on the ball, in seconds, whenever a robot steps
 
@@ -214,6 +217,14 @@ class Field(Robots):
         age = (len(held) - 1) * self.world.truth.dt
         return replace(since, sightings=tuple(s.model_copy(update={"age": age}) for s in held.popleft()))
 
+    def _slow(self, robot: str, since: SinceStep) -> SinceStep:
+        driven = self.driven.get(robot, SinceStep()).plus(SinceStep(since.odometry))
+        if self.number and (self.number + 1) % self.own:
+            self.driven[robot] = driven
+            return replace(since, odometry=None, posterior=None)
+        self.driven[robot] = SinceStep()
+        return replace(since, odometry=driven.odometry)
+
     def play(self, seconds: float) -> Scores:
         """Scores by who believes (`team`, `central`, `alone`) and subject."""
         world, truth = self.world, self.world.truth
@@ -222,7 +233,7 @@ class Field(Robots):
         scores = new_scores()
         begin = self.now + 1.0
         self.run_to(begin)
-        for said in world.steps(seconds):
+        for self.number, said in enumerate(world.steps(seconds)):
             at = begin + world.time
             central.step(said, truth.dt)
             settled = world.time >= SETTLED
@@ -237,7 +248,7 @@ class Field(Robots):
                 if self.own:
                     if self.fed_back and (before := self.robots[robot].pose()) is not None:
                         alone[robot].take(before.mean, before.covariance)
-                    since = posterior(step, truth, self.sigmas, alone[robot], robot)
+                    since = self._slow(robot, posterior(step, truth, self.sigmas, alone[robot], robot))
                 since = self._as_late(robot, since)
                 since = since if self.alone is None else parts_alone(since, self.alone)
                 if settled and (ball := self.agreed.get("object/ball")) is not None:

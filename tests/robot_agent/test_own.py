@@ -38,9 +38,11 @@ class Own:
         self.mean = self.mean + gain @ (z - self.mean)
         self.covariance = (np.eye(3) - gain) @ self.covariance
 
-    def tell(self, distance: float = 0.1, **sigmas: float) -> FilterResult:
+    def tell(self, distance: float = 0.1, *, silent: bool = False, **sigmas: float) -> FilterResult:
+        """`silent`: with the odometry alone."""
         self.tick += 1
-        self.given.give(Moments(self.mean.copy(), self.covariance.copy()))
+        if not silent:
+            self.given.give(Moments(self.mean.copy(), self.covariance.copy()))
         odometry = Odometry(distance=distance, turn=0.0, dt=0.1, **sigmas)
         return self.given.step(Readings(run="x", robot="r1", tick=self.tick, time=0.1 * self.tick, odometry=odometry))
 
@@ -53,6 +55,38 @@ def test_what_took_nothing_in_gains_nothing_and_its_noise_is_learned() -> None:
         result = own.tell()
         assert result.increment is None
         assert result.motion.heading == pytest.approx(3e-3)
+
+
+def test_the_noise_of_a_filter_that_is_slower_than_its_odometry_is_learned() -> None:
+    """Before, the steps without a posterior had no noise in turn, and what they had lost was taken for gains."""
+    own, told = Own(noise=3e-3), list[FilterResult]()
+    own.tell()
+    for number in range(1, 31):
+        own.drive()
+        told.append(own.tell(silent=number % 5 > 0))
+    assert all(result.increment is None for result in told)
+    assert [result.motion.heading for result in told[5:]] == pytest.approx([3e-3] * 25)
+
+
+def test_a_posterior_is_moved_on_by_what_was_driven_after_it() -> None:
+    """As one of a step that ends later, so what it took in is not lost where odometry follows in the same step."""
+    results = list[FilterResult]()
+    for late in (False, True):
+        own = Own(noise=3e-3)
+        for _ in range(5):
+            own.drive()
+            own.tell()
+        own.drive()
+        own.measure(own.mean, np.diag([0.01, 0.01, 1.0]))
+        if not late:
+            own.drive()
+        newest = Moments(own.mean.copy(), own.covariance.copy())
+        own.given.give(newest, Odometry(distance=0.1, turn=0.0, dt=0.1) if late else None)
+        odometry = Odometry(distance=0.2, turn=0.0, dt=0.2)
+        results.append(own.given.step(Readings(run="x", robot="r1", tick=9, time=0.8, odometry=odometry)))
+    whole, moved = results
+    assert present(moved.belief).mean == pytest.approx(present(whole.belief).mean)
+    assert present(moved.increment).information == pytest.approx(present(whole.increment).information, rel=0.05)
 
 
 def test_a_filter_that_knows_its_heading_badly_and_takes_nothing_in_gains_nothing() -> None:
