@@ -3,7 +3,7 @@
 Either readings were lost on their way, or they come without odometry. Meanwhile the robot may have driven in any direction as fast as
 before, and have turned. Odometry may arrive later than other readings, and its pieces may differ in length. So a gap counts only if it
 is longer than half of a long piece. A robot whose newest odometry is of no way and no turn is taken to stand. So is one that never
-told a motion, such as a camera on a mast.
+told a motion, such as a camera on a mast, unless its fixes show that it moves (`gaussian/roaming.py`).
 """
 
 import math
@@ -42,6 +42,11 @@ class Untold:
     _pieces: tuple[Odometry, ...] = ()  # the newest ones
     _since: float | None = None  # team time (s) up to which its motion was measured
     _counted: Unseen = NOTHING  # what was given as a `lapse` since then
+
+    @property
+    def is_all(self) -> bool:
+        """Whether no odometry was ever told."""
+        return not self._pieces
 
     def after(self, readings: Readings) -> "Untold":
         """The same after the readings that follow."""

@@ -46,6 +46,7 @@ from robot_agent.gaussian.jitter import Jitter
 from robot_agent.gaussian.landmarks import Landmarks, Named, blurred
 from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
+from robot_agent.gaussian.roaming import Roaming
 from robot_agent.gaussian.search import PlaceSearch
 from robot_agent.gaussian.sensors import Sensors
 from robot_agent.gaussian.unsent import Unsent
@@ -109,6 +110,7 @@ class FirstHand:
     landmarks: Landmarks = field(init=False)
     jitter: Jitter = field(default_factory=Jitter)
     absolute: AbsoluteSensors = field(init=False)
+    roaming: Roaming = field(default_factory=Roaming)
 
     def __post_init__(self) -> None:
         self._unsent, self._search = Unsent(self.robot), PlaceSearch(self.robot)
@@ -134,6 +136,8 @@ class FirstHand:
         """
         readings = self.absolute.without_repeated(readings)
         self.untold = self.untold.after(readings)
+        if self.untold.is_all and readings.fix is not None:
+            self.roaming.on_fix(readings.time, readings.fix)
         if self.epoch < 0:
             self.restart(readings.time)
         self._unmeasured += self.untold.lapse.turn
@@ -248,7 +252,7 @@ class FirstHand:
 
     def _adrift(self, fix: Fix | None) -> float:
         """The speed (unit / s) at which fixes move away from the odometry; 0 where a scale or the heading may explain it."""
-        if fix is None or not self.known or self.robot in self.distrust:
+        if fix is None or not self.known or self.robot in self.distrust or self.untold.is_all:
             return 0.0
         speed = self.absolute.drifting.speed(fix.sigma)
         is_headed = self.joint.moments(self.robot).covariance[HEADING, HEADING] < HEADED**2
@@ -417,6 +421,8 @@ class FirstHand:
         the sigma of the belief: sightings since then have told where it went.
         """
         lapse = self.untold.lapse
+        if self.untold.is_all:
+            return self.roaming.motion(0.0 if self._last is None else readings.time - self._last.time)
         if lapse == NOTHING:
             return Motion()
         place = heading = 0.0

@@ -85,6 +85,16 @@ def test_a_robot_that_drives_on_while_its_odometry_is_silent_misleads_nobody() -
         assert silent[robot].coverage() >= 0.85
 
 
+def test_a_robot_with_a_gps_that_never_tells_any_odometry_misleads_nobody() -> None:
+    """It was taken to stand: 2.3 m off, and its mates 1.5 and 3.0 m."""
+    truth = Truth(gps_every=1.0)
+    field = Field(World(105, truth), new_scenario(truth, told=False), sigmas=False, silent={"r1": (0.0, 30.0)})
+    scores = field.play(30.0)["team"]
+    for robot in ("r1", "r2", "r3"):
+        assert scores[robot].rmse <= 1.0
+        assert scores[robot].coverage() >= 0.85
+
+
 @pytest.mark.long
 def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_no_liars() -> None:
     """They add little new to what the team believes, and some of that is new. Before, the ball was lost: 1.4 m, coverage .58."""

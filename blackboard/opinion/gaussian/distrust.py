@@ -62,7 +62,7 @@ class Distrust(Copyable):
             drive(joint, robot, motion, nuisance)
             record = replace(record, alone=joint.moments(robot), seconds=record.seconds + seconds)
         self._records[robot] = record
-        way, turn = _variances(usual, min(seconds, LONGEST))
+        way, turn = any_way(usual, min(seconds, LONGEST))
         return replace(motion, along=motion.along + way, across=motion.across + way, heading=motion.heading + turn)
 
     def judge(self, robot: str, belief: Moments, usual: Array) -> None:
@@ -74,7 +74,7 @@ class Distrust(Copyable):
         if alone is None or record.seconds > longest or 2 * now < record.began:
             self._records[robot] = replace(record, began=now, alone=belief, seconds=0.0)
             return
-        way, turn = _variances(usual, record.seconds)
+        way, turn = any_way(usual, record.seconds)
         if record.seconds < shortest or _spread(alone) + now > way:
             return
         shown = _log_ratio(alone, belief, way, turn)
@@ -89,8 +89,11 @@ def _spread(block: Moments) -> float:
     return float(np.trace(block.covariance[AXES, AXES]))
 
 
-def _variances(usual: Array, seconds: float) -> tuple[float, float]:
-    """Of a way along each axis (unit ** 2) and of a turn (radians ** 2) of a robot that may go and turn in any direction."""
+def any_way(usual: Array, seconds: float) -> tuple[float, float]:
+    """Variances of a way along each axis (unit ** 2) and of a turn (radians ** 2) of a robot that may go and turn in any direction.
+
+    `usual` has unit / s and rad / s; 0 rad / s: it is not known how fast it turns.
+    """
     speed, turning = usual.tolist()
     return 2.0 * LASTING * seconds * speed**2, 2.0 * LASTING * seconds * (turning or TURNING) ** 2
 
@@ -100,6 +103,6 @@ def _log_ratio(alone: Moments, belief: Moments, way: float, turn: float) -> floa
     off = belief.mean[POSE] - alone.mean[POSE]
     off[HEADING] = wrap(float(off[HEADING]))
     right = alone.covariance[POSE, POSE] + belief.covariance[POSE, POSE]
-    any_way = right + np.diag([way, way, turn])
-    larger = np.linalg.slogdet(any_way)[1] - np.linalg.slogdet(right)[1]
-    return 0.5 * float(larger + squared_distance(off, any_way) - squared_distance(off, right))
+    wrong = right + np.diag([way, way, turn])
+    larger = np.linalg.slogdet(wrong)[1] - np.linalg.slogdet(right)[1]
+    return 0.5 * float(larger + squared_distance(off, wrong) - squared_distance(off, right))

@@ -1,0 +1,77 @@
+"""Robots that never tell any odometry: drones and boats that move, and masts that stand, as their fixes show."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blackboard.wire.messages import Fix, Readings
+from robot_agent.driven import UNKNOWN_WHEELS
+from robot_agent.gaussian.filter import FirstHand
+from robot_agent.gaussian.roaming import SPAN, Roaming
+from robot_agent.gaussian.sensors import Sensors
+from tests.present import present
+
+SIGMA, COMPASS = 0.3, 0.05  # unit, radians
+INSIDE_95 = 5.991  # chi-squared
+
+
+def alone(speed: float, every: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (unit) and squared distances of a robot on a wavy way of 20 s, with fixes and a compass alone, from 8 s on."""
+    random, robot = np.random.default_rng(seed), FirstHand("robot/r1", Sensors(wheels=UNKNOWN_WHEELS))
+    place, errors, squared = np.zeros(2), [], []
+    for step in range(200):
+        heading = math.remainder(1.5 * math.sin(0.05 * step), math.tau)
+        place = place + 0.1 * speed * np.array([math.cos(heading), math.sin(heading)])
+        told: dict[str, Any] = {
+            "compass": math.remainder(heading + COMPASS * random.normal(), math.tau),
+            "compass_sigma": COMPASS,
+        }
+        if step % round(10 * every) == 0:
+            told["fix"] = Fix(position=tuple(place + SIGMA * random.normal(size=2)), sigma=SIGMA)
+        robot.step(Readings(run="a", robot="r1", tick=step, time=100.0 + 0.1 * step, **told))
+        if step >= 80:
+            belief = present(robot.belief)
+            off = belief.mean[:2] - place
+            errors.append(math.hypot(*off))
+            squared.append(off @ np.linalg.solve(belief.covariance[:2, :2], off))
+    return np.array(errors), np.array(squared)
+
+
+@pytest.mark.parametrize("speed", [0.5, 3.0])
+@pytest.mark.parametrize("every", [0.2, 1.0])
+def test_a_robot_that_moves_without_odometry_is_where_its_fixes_have_it(speed: float, every: float) -> None:
+    """It was taken to stand: a single fix told more of where it was than its belief, which was sure of another place."""
+    played = [alone(speed, every, seed) for seed in range(2)]
+    errors, squared = (np.concatenate(some) for some in zip(*played, strict=True))
+    assert np.sqrt(np.mean(errors**2)) <= math.sqrt(2) * SIGMA + speed * every
+    assert np.mean(squared <= INSIDE_95) >= 0.9
+
+
+@pytest.mark.parametrize("every", [0.2, 1.0])
+def test_one_that_stands_is_known_better_with_each_fix(every: float) -> None:
+    played = [alone(0.0, every, seed) for seed in range(4)]
+    last = np.array([errors[-1] for errors, _ in played])
+    assert np.sqrt(np.mean(last**2)) <= 0.7 * SIGMA
+
+
+def test_a_speed_is_what_fixes_show_and_one_that_stops_stands_in_the_end() -> None:
+    roaming = Roaming()
+    for second in range(10):
+        roaming.on_fix(float(second), Fix(position=(2.0 * second, 0.0), sigma=SIGMA))
+    assert roaming.speed == pytest.approx(2.0, rel=0.05)
+    for second in range(10, 10 + 2 * round(SPAN) + 5):
+        roaming.on_fix(float(second), Fix(position=(18.0, 0.0), sigma=SIGMA))
+    assert roaming.speed == 0.0
+    assert roaming.motion(1.0).along == 0.0
+
+
+def test_fixes_that_only_err_as_they_claim_show_no_speed() -> None:
+    found = 0
+    for seed in range(20):
+        roaming, random = Roaming(), np.random.default_rng(seed)
+        for second in range(60):
+            roaming.on_fix(float(second), Fix(position=tuple(SIGMA * random.normal(size=2)), sigma=SIGMA))
+            found += roaming.speed > 0.0
+    assert found <= 0.05 * 20 * 60
