@@ -82,8 +82,7 @@ class Robot(Membership):
         `aside` is how far it drove to its left, of one that can. `distance_sigma` holds for each direction then.
 
         Several pieces between two steps add up. A robot that stands says so: `odometry(0, 0, dt)`. After steps without any, one that
-        has moved may have driven on as fast as before. One that never moved stands, unless its fixes
-        show that it moves.
+        has moved may have driven on as fast as before. One that never moved stands, unless its fixes show that it moves.
         """
         known = Call("odometry", self._warn)
         moved = Odometry(
