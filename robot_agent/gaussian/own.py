@@ -27,6 +27,7 @@ ALIKE = 0.05  # of the median squared distance to be expected: nearer to the tea
 WEIGHTY = 0.05  # share of the team's variance that a gain removes, at least; of smaller ones the distance says nothing
 SLIGHT = 1e-3  # share of a variance that is too little to be a gain
 ROUNDING = 1e-9  # of the largest entry of a covariance
+FLOAT = 1e-13  # the same, of what a filter here computed
 JUMP = 2.0  # times the 99.9 % quantile: a posterior so far from its prediction begins anew
 FLATTEST = 1.8  # kurtosis along an axis of a uniform distribution: particles below have several hypotheses
 
@@ -190,7 +191,8 @@ def _lost(prediction: Moments, turn: float, given: Moments) -> Array:
 
 def _is_sharper(given: Moments, prediction: Moments) -> bool:
     """Whether a posterior is anywhere sharper than its prediction, by more than the filters may differ by rounding."""
-    scale = np.linalg.cholesky(prediction.covariance + ROUNDING * np.abs(given.covariance).max() * np.eye(3))
+    slack = ROUNDING * np.abs(given.covariance).max() + FLOAT * np.abs(prediction.covariance).max()
+    scale = np.linalg.cholesky(prediction.covariance + slack * np.eye(3))
     share = np.linalg.solve(scale, np.linalg.solve(scale, given.covariance).T)
     return bool(np.linalg.eigvalsh(share)[0] < 1.0 - SLIGHT)
 
