@@ -4,6 +4,7 @@ A piece of evidence is named by its robot, its epoch, and how long that lasted w
 grow. So no board has a say in the name.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -17,8 +18,9 @@ from blackboard.opinion.gaussian.joint import Joint
 from blackboard.opinion.gaussian.linearising import linearise
 from blackboard.opinion.gaussian.naming import Unnamed
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct, drive
-from blackboard.wire.messages import Consensus, Used
-from tests.nights.events import Event, Said, Stepped
+from blackboard.wire.evidence import PackedEvidence, PackedRelative, Seen
+from blackboard.wire.messages import Consensus, Report, Used
+from tests.nights.events import Began, Event, Said, Stepped
 from tests.nights.night import Night
 from tests.nights.oracles import Oracle
 
@@ -26,6 +28,8 @@ SAMPLED = 5  # the shadow is computed in one of so many steps
 #: Least ratio of a joint's variance to the shadow's: they linearise at different points, and honest nights of seed 11 show 0.91.
 LEAST = 0.8
 APART = 1.0  # sigmas between the two; farther apart a gate has left something out, and their variances are not compared
+
+AFTER = 0.9  # of a tick: what is seen in the next one is later than this one by as much
 
 Piece = tuple[str, int, float]  # robot, epoch, and seconds since that began
 
@@ -140,6 +144,34 @@ def _plus(evidence: Evidence, early: Evidence | None) -> Evidence:
     return replace(
         evidence, relatives=(*(replace(seen, age=seen.age + older) for seen in early.relatives), *evidence.relatives)
     )
+
+
+class SightingsAreToldOnce(Oracle):
+    """By a world's clock a robot tells of what it saw after its newest evidence, also where it tells the mean of some ticks."""
+
+    sees = (Began, Said)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._told: dict[tuple[str, str], float] = {}  # process and sub-team -> team time of its newest evidence
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Began):
+            self._told = {of: time for of, time in self._told.items() if of[0] != event.process}
+        elif isinstance(event, Said) and isinstance(event.message, Report) and event.message.evidence is not None:
+            self._judge(event, event.message, event.message.evidence)
+
+    def _judge(self, event: Said, report: Report, evidence: PackedEvidence) -> None:
+        who = event.process, event.parts["sub_team"]
+        before, self._told[who] = self._told.get(who, math.inf), report.time
+        is_judged = self.night.team.mode != "free" and event.process not in self.night.liars
+        if before >= report.time or not is_judged:  # its first, the same again, or another run
+            return
+        sightings: list[PackedRelative | Seen] = [*evidence.relatives, *evidence.seen]
+        for sighting in sightings:
+            if report.time - sighting.age < before + AFTER * self.night.team.tick:
+                what = f"{sighting.subject} as it was {sighting.age:.2f} s ago"
+                self.breaks(event.at, f"{event.process} tells {what}, and told that {report.time - before:.2f} s ago")
 
 
 class SameEvidenceSameBits(Oracle):

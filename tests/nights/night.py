@@ -29,6 +29,7 @@ LIES = {liars: sorted(name for name, lie in CATALOGUE.items() if lie.liars == li
 #: The rules, and how often each is drawn.
 RULES = {"coalition": 0.6} | {name: 0.4 / (len(POOLS) - 1) for name in sorted(set(POOLS) - {"coalition"})}
 UNNAMED: tuple[Literal["", "person", "robot"], ...] = ("", "person", "robot")
+RATE = 0.7  # messages a second: one that is in two sub-teams speaks once in 4 s in each, which is the least
 DETECTOR = {"missed": 0.1, "clutter": 0.1}
 TOGETHER = 0.3  # of the nights all faults begin at once in such a share
 CROWD = 1100  # strangers, more than any process keeps anything of
@@ -50,12 +51,18 @@ class Team:
     learns: bool = True  # where the rule can
     feedback: Literal["paper", "guarded", "off"] = "guarded"
     budget: float | None = None  # bytes a second of each robot
+    rate: float | None = None  # messages a second of each robot, where these are counted
     guest: bool = False  # a program that reports an object
     unnamed: Literal["", "person", "robot"] = ""  # what detectors do not name: people walk about, or mates look alike
 
     @property
     def robots(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(robot for robots in self.sub_teams.values() for robot in robots))
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether its robots cannot say everything."""
+        return self.budget is not None or self.rate is not None
 
     @property
     def is_learning(self) -> bool:
@@ -75,6 +82,7 @@ class Team:
         board["patience"] = self.patience
         if self.rule == "coalition" and not self.is_learning:
             board["independence"] = 0.5
+        send = {"budget": self.budget} if self.budget else {"rate": self.rate * len(self.robots)} if self.rate else {}
         unnamed = {
             "people": {"count": 2 if self.unnamed == "person" else 0, "speed": SPEED},
             "detector": DETECTOR | {"anonymous": [self.unnamed]},
@@ -98,7 +106,7 @@ class Team:
                 "robot": {
                     "patience": self.patience,
                     "odometry": ODOMETRY,
-                    **({"send": {"budget": self.budget}} if self.budget else {}),
+                    "send": send,
                 },
                 "world": {
                     "seed": seed,
@@ -185,7 +193,9 @@ def draw_night(seed: int, number: int) -> Night:
     if draw.chance(TOGETHER):
         drawn = [at_once(fault, drawn[0]) for fault in drawn]
     world = int(draw.rng.integers(1, 1 << 31))
-    return Night(replace(team, unnamed=draw.one(UNNAMED, [0.7, 0.15, 0.15])), tuple(drawn), world, f"{seed}/{number}")
+    unnamed, rate = draw.one(UNNAMED, [0.7, 0.15, 0.15]), draw.one([None, RATE], [0.85, 0.15])
+    team = replace(team, unnamed=unnamed, rate=None if team.budget else rate)
+    return Night(team, tuple(drawn), world, f"{seed}/{number}")
 
 
 def at_once(fault: Fault, first: Fault) -> Fault:

@@ -316,7 +316,7 @@ class NobodyWaits(Oracle):
             unknown = sorted(set(team.robots) - self._told[sub_team])
             if unknown:
                 self.breaks(end, f"sub-team {sub_team} does not hear of {unknown[0]}")
-        says_all = team.feedback != "off" and team.budget is None  # on a poor link a robot may leave it out
+        says_all = team.feedback != "off" and not team.is_poor  # on a poor link a robot may leave it out
         out = {name for name in set().union(*self._named.values()) if f"robot/{name}" in self.night.liars}
         deaf = sorted(set(team.robots) - self._informed - out) if says_all else []
         if deaf:

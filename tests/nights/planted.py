@@ -169,6 +169,30 @@ BUGS = {
         "return list(self._sent) if self.lead.leads else [self._followed(said, now) for said in self._said]",
         "return list(self._sent)",
     ),
+    "unreleased": Bug(
+        "a board that takes over does not publish what the one before left",
+        "blackboard/board/publisher.py",
+        "return self._in_full(released, now) or [self.status(now)]",
+        "return [self.status(now)]",
+    ),
+    "source": Bug(
+        "what is multiplied is remembered by its source, not by its ancestors",
+        "blackboard/opinion/provenance.py",
+        "taken |= opinion.ancestors.keys()",
+        "taken.add(opinion.source)",
+    ),
+    "slots": Bug(
+        "what was said in a slot is said again in the next",
+        "robot_agent/slots.py",
+        "self._last, self._waiting = self._slot(time), []",
+        "self._last = self._slot(time)",
+    ),
+    "disk": Bug(
+        "what a full disk does not take is dropped",
+        "blackboard/tape/backlog.py",
+        "self.trouble = error.strerror or str(error)",
+        "self.trouble = str(error.strerror or error); self._waiting.clear()",
+    ),
 }
 
 FOUND = re.compile(r"night \d+/(\d+) of [^:]*: (.*)")

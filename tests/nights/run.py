@@ -14,7 +14,7 @@ from blackboard.tape.content import load_tape
 from blackboard.tape.replay import is_consensus, replay
 from tests.nights.events import Event, opened
 from tests.nights.faults import Crowd
-from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits
+from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits, SightingsAreToldOnce
 from tests.nights.night import Night, draw_night
 from tests.nights.oracles import (
     Broken,
@@ -37,7 +37,7 @@ from tests.nights.votes import BoardsAgreeAgain, OneVote, TheHonestCount
 
 ORACLES: tuple[type[Oracle], ...] = (
     BytesSayIt, NobodyDies, InvariantsHold, NothingGrows, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
-    SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
+    SightingsAreToldOnce, SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
     BoardsAgreeAgain, Coverage, OneVote,
 )  # fmt: skip
 

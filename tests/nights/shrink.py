@@ -48,7 +48,7 @@ def _teams(night: Night) -> Iterator[Night]:
     """The night of a smaller or simpler team, if no fault concerns a process that is left out."""
     team = night.team
     smaller = [replace(team, guest=False)] if team.guest else []
-    smaller += [replace(team, budget=None)] if team.budget else []
+    smaller += [replace(team, budget=None, rate=None)] if team.is_poor else []
     smaller += [replace(team, boards=1)] if team.boards > 1 else []
     for sub_team in team.sub_teams if len(team.sub_teams) > 1 else ():
         smaller.append(replace(team, sub_teams={s: members for s, members in team.sub_teams.items() if s != sub_team}))

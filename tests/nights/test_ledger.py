@@ -1,15 +1,16 @@
 """The ledger notices what counts twice, and boards that differ; and it is quiet about a team at work."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from blackboard.board.service import BoardService, board_of
 from blackboard.config import Scenario
-from blackboard.wire.messages import Consensus
+from blackboard.wire.messages import Consensus, Report
 from tests.nights.events import Event, Said, Stepped
-from tests.nights.ledger import SAMPLED, EvidenceCountsOnce, SameEvidenceSameBits
-from tests.nights.night import Night, Team
+from tests.nights.ledger import SAMPLED, EvidenceCountsOnce, SameEvidenceSameBits, SightingsAreToldOnce
+from tests.nights.night import RATE, Night, Team
 from tests.nights.oracles import Oracle
 from tests.nights.run import differs, judged, played
 from tests.nights.stage import ALONE, Stage
@@ -63,6 +64,25 @@ def test_a_joint_that_knows_more_than_its_evidence_tells_is_noticed(events: list
         replayed: list[Event] = [*before[-(SAMPLED - 1) :], replace(last, after=after)]
         reasons.append(judged(EvidenceCountsOnce(NIGHT), replayed))
     assert any("of the variance that its evidence leaves" in reason for reason in reasons)
+
+
+def test_a_sighting_that_a_robot_tells_again_is_noticed() -> None:
+    night = replace(NIGHT, team=replace(NIGHT.team, rate=RATE))
+    events = played(night)
+    told = [event for event in reports(events) if event.process == "robot/r1" and event.message.evidence.relatives]
+    assert len(told) < night.end / night.team.tick
+    assert not judged(SightingsAreToldOnce(night), events)
+    before, last = told[-2:]
+    seen = last.message.evidence.relatives[0].model_copy(update={"age": last.message.time - before.message.time})
+    evidence = last.message.evidence.model_copy(update={"relatives": [seen]})
+    again = replace(last, message=last.message.model_copy(update={"evidence": evidence}))
+    assert "robot/r1 tells" in judged(SightingsAreToldOnce(night), [*events[: events.index(last)], again])
+
+
+def reports(events: list[Event]) -> list[Any]:
+    """What is said with evidence."""
+    said = [event for event in events if isinstance(event, Said) and isinstance(event.message, Report)]
+    return [event for event in said if event.message.evidence is not None]  # type: ignore[union-attr]
 
 
 def test_boards_that_differ_after_the_same_evidence_are_noticed(events: list[Event]) -> None:

@@ -52,7 +52,7 @@ class TheHonestCount(Oracle):
     def _takes(self, event: Said, consensus: Consensus, robot: str) -> bool:
         """Whether a joint has all that a robot on a poor link has said a tick before, or earlier: that may be its motion, or nothing."""
         if (
-            self.night.team.budget is None
+            not self.night.team.is_poor
             or consensus.rule != "joint"
             or event.at < self.night.end - WATCHED * self.night.team.tick
         ):
@@ -63,7 +63,7 @@ class TheHonestCount(Oracle):
 
     def _is_fresh(self, used: Used) -> bool:
         """Whether an opinion is of the newest ticks, by the clock of the board; on a poor link a robot says less."""
-        return self.night.team.budget is not None or -FRESH < used.age < FRESH
+        return self.night.team.is_poor or -FRESH < used.age < FRESH
 
     def verdict(self) -> Broken | None:
         for (sub_team, level, robot), counts in self._counted.items():
