@@ -1,4 +1,4 @@
-"""How a robot that does not send in each tick tells its way: as one chord for each message, which leads where it came to. Pure.
+"""The odometry of a robot that does not send in each tick: one chord from message to message. Pure.
 
 The sums of odometry alone lose the shape of the way between two messages: whether it went ahead first, or turned first. Boards
 take a robot to move evenly from one message to the next, so a sighting is told as it would have been seen from such a way.
@@ -20,7 +20,7 @@ RIGHT[[FORWARD, TURN]] = 1.0
 
 @dataclass(frozen=True)
 class Shift:
-    """Where a camera stood (unit, shape (2,)) and headed (rad), in the frame from which its sighting is told."""
+    """The pose of a camera when it saw something, in the frame in which the sighting is sent: unit, shape (2,), and radians."""
 
     place: Array
     turned: float
@@ -29,7 +29,7 @@ class Shift:
         return bool(self.turned or self.place.any())
 
     def moved(self, seen: Array) -> Array:
-        """The same place, shape (2,), in that frame."""
+        """A point that the camera saw, shape (2,), in the frame in which it is sent."""
         return self.place + turned_by(seen, self.turned)
 
 
@@ -68,9 +68,10 @@ class ToldWay:
         return evidence.travelled.model_copy(update=ahead)
 
     def shift(self, then: float, age: float) -> Shift:
-        """From where the robot was `then` (s before the newest tick's end) to where boards have it an `age` (s) before that.
+        """The pose of `then`, as seen from the pose that boards interpolate at an `age`; both are seconds before now.
 
-        Boards know the chords alone. There is none where it is not known how the robot moved since.
+        Now is the end of the newest tick. Boards interpolate along the chords. The shift is zero where the steps since `then` are no
+        longer known.
         """
         newest, *before = self._steps or [Motion()]
         steps = replace(newest, before=tuple(before))

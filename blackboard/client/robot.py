@@ -45,7 +45,7 @@ class Robot(Membership):
         self._told: SinceStep | None = None  # since the last step
         self._own: bool | None = None  # whether it has a filter of its own; None: not known yet
         self._place: tuple[float, float, float] | None = None  # the newest in the frame of the odometry
-        self._has_driven = False  # whether `odometry` was told since the newest posterior
+        self._has_driven = False  # whether `odometry` was called since the last posterior
         self._jumps = 0  # times that its frame was said to have jumped
         self._fixed: tuple[float, float] | None = None  # where its newest fix has it
         self._warned: set[str] = set()  # of which arguments
@@ -239,10 +239,10 @@ class Robot(Membership):
         """The posterior (x, y, heading) of the robot's own filter, with covariance (3, 3), and the odometry since the one before.
 
         `odometry` is (distance, turn, dt), or (distance, turn, dt, distance_sigma, turn_sigma) where you know what noise your filter
-        gives it; of a robot that drives sideways with the way to its left behind that. Without it, what `odometry` has told since
-        counts: so does a filter that is slower than the wheels. What the posterior gained over its prediction goes to the team, once.
-        Nothing that came from the team may be in it: neither `pose` nor `agreed`. Sightings of mates and objects go to `see` as
-        before, fixes and landmarks into your filter.
+        gives it; of a robot that drives sideways with the way to its left behind that. Leave it out where you call `odometry` in
+        each step, as for a filter that is slower than the wheels. What the posterior gained over its prediction goes to the team,
+        once. Nothing that came from the team may be in it: neither `pose` nor `agreed`. Sightings of mates and objects go to `see`
+        as before, fixes and landmarks into your filter.
         """
         known = Call("belief")
         place = known.numbers("mean", mean, (3,))

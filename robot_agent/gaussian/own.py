@@ -27,7 +27,7 @@ ALIKE = 0.05  # of the median squared distance to be expected: nearer to the tea
 WEIGHTY = 0.05  # share of the team's variance that a gain removes, at least; of smaller ones the distance says nothing
 SLIGHT = 1e-3  # share of a variance that is too little to be a gain
 ROUNDING = 1e-9  # of the largest entry of a covariance
-FLOAT = 1e-13  # the same, of what a filter here computed
+FLOAT = 1e-13  # of the largest entry of a covariance that was computed here: 64-bit rounding
 JUMP = 2.0  # times the 99.9 % quantile: a posterior so far from its prediction begins anew
 FLATTEST = 1.8  # kurtosis along an axis of a uniform distribution: particles below have several hypotheses
 
@@ -85,8 +85,8 @@ class Given(FirstHand):
     #: Of the noise: along and across the way, of the heading, per second.
     _rates: tuple[float, float, float] | None = None
     gain: Increment | None = None  # of the newest posterior, whether it is sent or not
-    _newest: Moments | None = None  # the posterior of an earlier step
-    _since: Motion = field(default_factory=Motion)  # the way since that, with the noise that was told of it
+    _newest: Moments | None = None  # the last posterior, of an earlier step
+    _since: Motion = field(default_factory=Motion)  # the motion since then, with the variances that the team was told
     _idle: bool = False  # whether the newest posterior took nothing in
 
     def give(self, posterior: Moments | None, after: Odometry | None = None) -> None:
@@ -162,7 +162,7 @@ class Given(FirstHand):
         return motion
 
     def _noisy(self, told: Odometry, before: Odometry | None) -> Motion:
-        """A motion, with the noise that it tells, or that of the own filter as far as it is known."""
+        """Odometry as a motion. Its noise is what it says itself, else what was learned of the own filter, else the wheels' model."""
         motion = self.sensors.wheels.motion(told, before)
         if self._rates is None or told.distance_sigma is not None or told.turn_sigma is not None:
             return motion
@@ -170,7 +170,7 @@ class Given(FirstHand):
         return replace(motion, along=along, across=across, heading=heading)
 
     def _moved(self, posterior: Moments, motion: Motion) -> Moments:
-        """A pose, moved on."""
+        """A posterior (x, y, heading), predicted over a motion."""
         ahead = Joint()
         ahead.add(self.robot, entering(posterior, Nuisance()))
         drive(ahead, self.robot, motion, self.sensors.wheels.nuisance, bent=False)

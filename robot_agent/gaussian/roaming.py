@@ -1,4 +1,4 @@
-"""How fast a robot goes that never told any odometry, by its fixes alone: a drone, a boat, a person with a GPS. Pure.
+"""The speed of a robot without odometry, estimated from its fixes: a drone, a boat, a person with a GPS. Pure.
 
 Who tells no motion is taken to stand, as a camera on a mast does. Fixes that lie apart by more than they may err show that it does
 not. From then on it may have gone in any direction at the speed that they show, until for `SPAN` they show none.
@@ -53,7 +53,7 @@ class Roaming:
                 later, last = earlier, fix
 
     def motion(self, seconds: float) -> Motion:
-        """What it may have done in some seconds."""
+        """The process noise of some seconds: any direction at the estimated speed."""
         if not self.speed or seconds <= 0:
             return Motion()
         way, turn = any_way(np.array([self.speed, 0.0]), seconds)
