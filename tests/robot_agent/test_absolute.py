@@ -160,12 +160,12 @@ def test_fixes_that_are_worse_than_they_claim_are_counted_for_what_they_are(
 
 
 @pytest.mark.parametrize(("claimed", "every"), [(0.01, 2), (0.0003, 10)], ids=["30 times, 5 Hz", "1000 times, 1 Hz"])
-def test_a_wild_claim_of_certainty_costs_little(claimed: float, every: int) -> None:
+def test_a_wild_claim_of_certainty_costs_little(claimed: float, every: int, honest: Course) -> None:
     """Before, robots were 2.5 and 2.4 times as far off, with 36 and 31 % coverage: the noise was taken for outliers.
 
     Until the noise is found, 20 fixes or so, each is one.
     """
-    course, sound = drive(Sensor(), claimed, every=every), drive(Sensor(), every=every)
+    course, sound = drive(Sensor(), claimed, every=every), honest if every == EVERY else drive(Sensor(), every=every)
     assert course.rmse <= 1.45 * sound.rmse
     assert course.coverage >= 0.85
     assert course.filter.found()["fix noise"] == pytest.approx(CLAIMED / claimed, rel=0.4)

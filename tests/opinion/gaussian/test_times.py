@@ -138,7 +138,7 @@ def errors(seed: int, *, timed: bool, tick: int = TICK, prompt: bool = False) ->
     batch: dict[str, Evidence] = {}
     expected: dict[str, tuple[Array, Array]] = {}  # truth, and what the oracle believed
     squared: list[tuple[float, float]] = []
-    for number, part in enumerate(world(seed, 30.0, tick), 1):
+    for number, part in enumerate(world(seed, 20.0, tick), 1):
         oracle.take(part)
         for k, robot in enumerate(robots):
             evidence = robot.take(part, number * PART)
