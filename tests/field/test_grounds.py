@@ -10,7 +10,7 @@ pytestmark = pytest.mark.team
 
 def test_robots_that_step_twice_a_second_know_how_exact_they_are() -> None:
     """Told their odometry in pieces, their regions held .72 of the truth; they were 1.8 times as far off as one filter, now 1.5."""
-    scores = Grounds(Ground(7103, 2.0), told=True, each=True).play(90.0)
+    scores = Grounds(Ground(7103, 2.0), told=True, each=True).play(60.0)
     team = Score()
     for robot in ("r1", "r2", "r3"):
         team.take(scores["team"][robot])
@@ -20,7 +20,7 @@ def test_robots_that_step_twice_a_second_know_how_exact_they_are() -> None:
 
 def test_ranges_that_are_all_too_long_by_a_tenth_are_found_to_be() -> None:
     """The sigma that a range came with was taken for all of its errors: 15 % too long, robots were 4.2 times as far off as one filter."""
-    scores, team, central = Grounds(Ground(9802), longer=1.1).play(60.0), Score(), Score()
+    scores, team, central = Grounds(Ground(9802), longer=1.1).play(40.0), Score(), Score()
     for robot in ("r1", "r2", "r3"):
         team.take(scores["team"][robot])
         central.take(scores["central"][robot])
@@ -34,7 +34,7 @@ def test_a_robot_whose_wheels_measure_nothing_leads_nobody_away(has_gps: bool) -
     ground = Ground(7002)
     (gps,) = (robot for robot, kit in ground.kits.items() if kit.gps)
     dead = gps if has_gps else min(set(ground.kits) - {gps})
-    played = Grounds(ground, dead={dead: (10.0, 25.0)}).play(40.0)["team"]
+    played = Grounds(ground, dead={dead: (10.0, 25.0)}).play(30.0)["team"]
     mates = Score()
     for robot in set(ground.kits) - {dead}:
         mates.take(played[robot])
