@@ -105,6 +105,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard score", NotRun("half an hour, and a recording; tests/lab/test_score_page.py, tests/long/test_recorded.py")),
         ("blackboard demo --pyfg", NotRun("a recording; tests/sim_world/test_pyfg.py replays a made one")),
     ),
+    "notes/far-off.md": (("python -m tests.field.grounds", NotRun("minutes; tests/field/test_grounds.py plays one")),),
     "notes/wrong-models.md": (
         ("python -m tests.robot_agent.spoilt", NotRun("minutes, and a recording")),
     ),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.distrust import DISTRUSTED
+from blackboard.opinion.gaussian.priors import found_in
 from blackboard.state.moments import Moment
 from blackboard.wire.messages import Consensus
 
@@ -18,7 +19,7 @@ LOST = 0.1  # share of the grid's cells: who may be on more of them, exp(entropy
 LIKELY_LOST = 0.3  # the probability that a robot is not where the team believes, from which on it is said to be lost
 
 #: Of the worst first.
-KINDS = ("gone", "full disk", "liar", "lost", "refused", "stuck", "moved", "jumped", "over-confident")
+KINDS = ("gone", "full disk", "liar", "lost", "refused", "stuck", "moved", "jumped", "sensors", "over-confident")
 OF_PROCESSES = ("gone", "full disk", "refused")  # they outlast a run
 # Of a moment they are nothing to act on: a wide belief between two sightings, one message too late.
 FLEETING = ("lost", "refused")
@@ -128,6 +129,11 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
             robot = subject.removeprefix("robot/")
             alarms["moved", robot] = (
                 f"{robot} is not where its odometry led, its mates see: it was pushed or carried, or its wheels or gyro are wrong"
+            )
+        if subject.startswith("robot/") and (found := found_in(consensus.parameters)):
+            robot = subject.removeprefix("robot/")
+            alarms["sensors", robot] = (
+                f"{robot}'s sensors err by more than it was told: {', '.join(found)}; see `why {robot}`"
             )
         if text := _lost(consensus, cells):
             alarms["lost", subject] = text

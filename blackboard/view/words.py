@@ -9,6 +9,7 @@ from typing import Any
 
 from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.distrust import DISTRUSTED
+from blackboard.opinion.gaussian.priors import found_in
 from blackboard.state.alarms import LIKELY_LOST, named
 from blackboard.view.why import JOINT
 
@@ -107,6 +108,8 @@ def _motion(level: Table, unit: str) -> list[str]:
     lines = [f"It {', and '.join(told)}."] if told else []
     if level["parameters"].get(DISTRUSTED) == 1.0:
         lines.append("Its mates saw it elsewhere than its odometry led, which is not believed until it fits again.")
+    if found := [f"{name} {value:.3g}" for name, value in found_in(level["parameters"]).items()]:
+        lines.append(f"Its sensors err by more than it was told: {_and(found)}; measured by `blackboard calibrate`.")
     return lines + (
         [f"With {100 * lost:.0f} % it is lost, and not there."] if lost is not None and lost >= LIKELY_LOST else []
     )

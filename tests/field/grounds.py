@@ -122,7 +122,8 @@ class Grounds(Robots):
     """A board and a team of robots that are driven by a ground. `each`: pieces of odometry are told one by one, not summed.
 
     They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts. A share of `wild` sightings is of anywhere
-    in view, and their ranges are `longer` by this factor. Wheels are `dead` from and until a time (s): they measure nothing while
+    in view, and their ranges are `longer` by this factor, their bearings `askew` by an angle (radians). Odometry measures `less`:
+    these shares of ways and of turns. Wheels are `dead` from and until a time (s): they measure nothing while
     the robot drives on. The filters beside the team get the right ranges and odometry.
     """
 
@@ -136,6 +137,8 @@ class Grounds(Robots):
         unplaced: Collection[str] = (),
         wild: float = 0.0,
         longer: float = 1.0,
+        askew: float = 0.0,
+        less: tuple[float, float] = (1.0, 1.0),
         dead: Mapping[str, tuple[float, float]] | None = None,
         **board: object,
     ) -> None:
@@ -152,6 +155,7 @@ class Grounds(Robots):
         super().__init__(chosen, 0.2 * (0.618 * ground.seed % 1.0))
         self.ground, self.told, self.each, self.alone, self.unplaced = ground, told, each, alone, unplaced
         self.dead = dict(dead or {})
+        self.askew, self.less = askew, less
         self.wild, self.longer, self.random = wild, longer, np.random.default_rng([ground.seed, 1])
 
     def play(self, seconds: float) -> Scores:
@@ -191,12 +195,15 @@ class Grounds(Robots):
         if begin <= self.ground.time < end:
             pieces = [replace(piece, distance=0.0, turn=0.0) for piece in pieces]
         for part in [[piece] for piece in pieces] if self.each else [pieces]:
-            since = since.plus(SinceStep(odometry_of(part, kit, self.told)))
+            told, (way, turn) = odometry_of(part, kit, self.told), self.less
+            told = told.model_copy(update={"distance": way * told.distance, "turn": turn * told.turn})
+            since = since.plus(SinceStep(told))
         return since
 
     def _misread(self, seen: Sighting, kit: Kit) -> Sighting:
         if self.random.random() >= self.wild:
-            return seen.model_copy(update={"range": self.longer * seen.range})
+            bearing = math.remainder(seen.bearing + self.askew, math.tau)
+            return seen.model_copy(update={"range": self.longer * seen.range, "bearing": bearing})
         anywhere = {"range": self.random.uniform(0.0, kit.reach), "bearing": self.random.uniform(-kit.view, kit.view)}
         return seen.model_copy(update=anywhere)
 
@@ -216,6 +223,12 @@ def main() -> None:
     parser.add_argument("--unplaced", action="store_true", help="one robot without GPS is not told where it starts")
     parser.add_argument("--wild", type=float, default=0.0, help="share of sightings that are of anywhere in view")
     parser.add_argument("--longer", type=float, default=1.0, help="factor of all ranges that the robots measure")
+    parser.add_argument(
+        "--askew", type=float, default=0.0, help="radians that the bearings of all robots read too much"
+    )
+    parser.add_argument(
+        "--less", type=float, nargs=2, default=(1.0, 1.0), help="shares of ways and turns that odometry measures"
+    )
     chosen = parser.parse_args()
     totals = new_scores()
     for seed in range(chosen.first, chosen.past):
@@ -229,6 +242,8 @@ def main() -> None:
             unplaced=unplaced,
             wild=chosen.wild,
             longer=chosen.longer,
+            askew=chosen.askew,
+            less=tuple(chosen.less),
         )
         played = team.play(chosen.seconds)
         ratios = [f"{n} {t.rmse / played['central'][n].rmse:.2f} {t.coverage():.2f}" for n, t in played["team"].items()]

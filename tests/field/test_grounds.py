@@ -1,5 +1,7 @@
 """Robots with steps of half a second, whose ranges are too long, or whose wheels measure nothing, beside one filter of all readings."""
 
+from typing import Any
+
 import pytest
 
 from tests.field.grounds import Ground, Grounds
@@ -41,3 +43,16 @@ def test_a_robot_whose_wheels_measure_nothing_leads_nobody_away(has_gps: bool) -
     assert mates.rmse < 0.5
     assert played[dead].rmse < 1.0
     assert played["ball"].rmse < 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "times"), [({"askew": 0.2}, 1.4), ({"less": (0.7, 1.0)}, 1.5)], ids=["askew", "short ways"]
+)
+def test_sensors_that_are_far_from_what_robots_were_told_are_found_out(wrong: dict[str, Any], times: float) -> None:
+    """Robots were 1.8 to 1.9 times as far off as one filter with the true models; 95 % regions held .75 to .78 of the truth."""
+    scores, team, central = Grounds(Ground(2), **wrong).play(40.0), Score(), Score()
+    for robot in ("r1", "r2", "r3"):
+        team.take(scores["team"][robot])
+        central.take(scores["central"][robot])
+    assert team.rmse < times * central.rmse
+    assert team.coverage() >= 0.9

@@ -189,6 +189,14 @@ def test_a_robot_whose_odometry_its_team_does_not_believe_was_moved(
     assert [alarm.who for alarm in team.alarms.all() if alarm.what == "moved"] == whom
 
 
+@pytest.mark.parametrize(
+    ("subject", "value", "whom"), [("robot/r1", 1.4, ["r1"]), ("object/ball", 1.4, []), ("robot/r1", "x", [])]
+)
+def test_a_robot_whose_sensors_err_by_more_than_it_was_told(subject: str, value: float | str, whom: list[str]) -> None:
+    team = settled(1, conflict=False, subject=subject, parameters={"gate": 3.7, "way scale found": value})
+    assert [alarm.who for alarm in team.alarms.all() if alarm.what == "sensors"] == whom
+
+
 def test_a_moment_waits_for_a_belief_that_its_status_overtook() -> None:
     team = settled(3)
     consensus = agreed().model_copy(update={"tick": 3, "time": 1.5})

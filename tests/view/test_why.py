@@ -299,6 +299,13 @@ def test_who_keeps_disagreeing_and_opposed_camps_are_told() -> None:
     assert any("r3 keeps disagreeing about robot/r1, by 4.2 sigmas" in event.text for event in team.events)
 
 
+def test_sensors_that_err_by_more_than_they_were_told_to_are_told() -> None:
+    told = {"bearing bias found (rad)": 0.2, "way scale found": "x"}
+    team, moment = newest(folded_with(lambda said: {"parameters": told}).teams["t"])
+    said = sentences(explain(team, moment, "robot/r1"))
+    assert any("more than it was told: bearing bias found (rad) 0.2;" in sentence for sentence in said)
+
+
 def test_odometry_that_is_not_believed_is_told() -> None:
     team, moment = newest(folded_with(lambda said: {"parameters": {"odometry distrusted": 1.0}}).teams["t"])
     assert any("than its odometry led" in sentence for sentence in sentences(explain(team, moment, "robot/r1")))

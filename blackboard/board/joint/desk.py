@@ -250,13 +250,14 @@ class JointDesk:
     def _parameters(self, subject: str) -> dict[str, float]:
         """The limit of a sighting's squared distance; of an object the random walk (unit / sqrt(s)) that its sightings show.
 
-        Of a robot also 1 as `DISTRUSTED` while its odometry is not believed, though what it sees is.
+        Of a robot also 1 as `DISTRUSTED` while its odometry is not believed, though what it sees is, and what of its sensors errs by
+        more than it was told (`priors.FOUND`).
         """
         gate = {"gate": quantile(GATE, 2)}
         if not subject.startswith("robot/"):
             return {**gate, "drift": self.team.drift_of(subject)}
         distrusted = subject in self.team.distrust and not self.team.doubts(subject)
-        return {**gate, DISTRUSTED: 1.0} if distrusted else gate
+        return gate | self.team.found(subject) | ({DISTRUSTED: 1.0} if distrusted else {})
 
     def _in_doubt(self, subject: str, places: tuple[RingPlace, ...], make: Make) -> Consensus:
         """What is agreed about an object of which only ranges or bearings are known, which leave a few places."""

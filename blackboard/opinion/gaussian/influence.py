@@ -152,6 +152,15 @@ class Influence(Copyable):
         moved[:, enter], honest[:, enter], honest[:, :, enter] = 0.0, 0.0, 0.0
         return moved, honest
 
+    def after_shift(self, joint: Joint, robot: str, shift: Array, sigmas: Array) -> tuple[Array, Array]:
+        """D and C once what `robot` told moves all means by `shift`, (n,): what is honest, by a normal number times `sigmas`."""
+        self._follow(joint)
+        rows, row = joint.indices(self._places, 2).ravel(), self._sources.index(robot)
+        moved, honest = self._moved.copy(), self._honest.copy()
+        moved[row] += shift[rows]
+        honest[row] += np.outer(sigmas[rows], sigmas[rows])
+        return moved, honest
+
     def beyond(self, joint: Joint, after: tuple[Array, Array]) -> set[tuple[str, str]]:
         """Pairs of robot and another place than its own, where its D would leave the region of C and grow."""
         moved, honest = (of[: self._robots] for of in after)

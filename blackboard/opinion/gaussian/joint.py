@@ -266,6 +266,17 @@ class Joint:
         """
         self._covariance.shear(to, by, factors)
 
+    def followed(self, state: int) -> Array:
+        """By how much the means of all states, shape (n,), follow where that of one state, by its index, turns out 1 larger."""
+        covariance = self.covariance[state]
+        return np.asarray(covariance / covariance[state])
+
+    def retell(self, state: int, variance: float, way: Array) -> None:
+        """One state has a larger variance than it was told, and all follow it; the means move by `way`, shape (n,)."""
+        follow = self.followed(state)
+        self.mean = self.mean + way
+        self.covariance = self.covariance + np.outer(follow, follow) * (variance - self.variances[state])
+
     def decay(self, keep: Mapping[Block, float], variance: float = 1.0) -> None:
         """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary `variance`."""
         if not keep:

@@ -25,13 +25,14 @@ from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Innovatio
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
+from blackboard.opinion.gaussian.priors import FOUND, contradicted, spread_of_means
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
 from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance, turn_ties
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Array
 
@@ -115,6 +116,9 @@ class TeamState(Copyable):
     tick: int = -1
     left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, for now
     refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
+    #: Robot -> the lasting errors, as states of its block, that are larger than it was told (`priors`).
+    widened: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    entered: dict[str, Moments] = field(default_factory=dict)  # robot -> its block when it entered
     known: dict[str, Known] = field(default_factory=dict)
     first_entry: float | None = None  # `elapsed` when the first robot entered
     #: Team time (s) of the newest knowledge of an earlier joint that a robot has returned.
@@ -136,6 +140,8 @@ class TeamState(Copyable):
         """Forget a subject, and the lasting errors of what it saw and of sightings of it."""
         self.influence.drop(subject)
         self.strayed.forget(subject)
+        self.widened.pop(subject, None)
+        self.entered.pop(subject, None)
         for block in list(self.joint.blocks):
             if block == subject or (isinstance(block, tuple) and subject in block[1:3]):
                 self.joint.drop(block)
@@ -322,6 +328,41 @@ class TeamState(Copyable):
             after = self.influence.after(self.joint, robot, factor, expected, only, share)
         self.influence.on_factor(after)
         return only
+
+    def widen_priors(self) -> None:
+        """Replace what was told of the lasting errors of robots where that is contradicted: one of each robot, and each once."""
+        if len(self.known) < 2:  # what one alone sees may be due to what it sees
+            return
+        for robot in filter(self.knows, sorted(self.known)):
+            block, done = self.joint.moments(robot), self.widened.get(robot, ())
+            worst = contradicted(block, self.entered.setdefault(robot, block), self.known[robot].nuisance, done)
+            if worst is not None:
+                self.widened[robot] = (*done, worst[0])
+                with self.blaming(robot):
+                    self._widen_prior(robot, *worst)
+
+    def found(self, robot: str) -> dict[str, float]:
+        """What a robot's lasting errors are where they are larger than it was told, by name (`priors.FOUND`)."""
+        first = self.joint.blocks[robot].start
+        return {FOUND[state]: float(self.joint.mean[first + state]) for state in self.widened.get(robot, ())}
+
+    def _widen_prior(self, robot: str, state: int, mean: float, variance: float) -> None:
+        """A state of a robot has another mean and variance; that moves others' places no farther than an honest robot would."""
+        at = self.joint.blocks[robot].start + state
+        follow = self.joint.followed(at)
+        way = follow * (mean - self.joint.mean[at])
+        if self.influence.is_counted(len(self.known)):
+            sigmas = follow * spread_of_means(self.joint.variances[at], variance, state)
+            after = self.influence.after_shift(self.joint, robot, way, sigmas)
+            if self.influence.beyond(self.joint, after):
+                self.tally.bounded += 1
+                own = np.zeros_like(way)
+                own[self.joint.blocks[robot]] = way[self.joint.blocks[robot]]
+                way = own
+                after = self.influence.after_shift(self.joint, robot, way, np.zeros_like(way))
+            self.influence.on_factor(after)
+        self.joint.retell(at, variance, way)
+        turn_ties(self.joint, way)
 
     def as_found(self, relative: Relative) -> Relative:
         """A sighting with the noise that its observer's have shown to have.

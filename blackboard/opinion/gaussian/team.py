@@ -107,6 +107,7 @@ class TeamJoint(TeamState):
             if robot in self.distrust and self.knows(robot):
                 with self.blaming(robot):
                     self.distrust.judge(robot, self.joint.moments(robot), self.speeds.usual(robot))
+        self.widen_priors()
         self._widen_strayed()
         self.forget_objects()
         end_tick(self)

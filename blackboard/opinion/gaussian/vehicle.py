@@ -302,7 +302,11 @@ def correct(
     moves the tie between both along. Else the filter takes its changes of mind for knowledge of the heading
     (Barrau and Bonnabel, IEEE TAC 62(4), 2017; for teams Huang, Trawny, Mourikis, Roumeliotis, RSS 2009).
     """
-    moved = joint.update(factor, only, expected)
+    turn_ties(joint, joint.update(factor, only, expected))
+
+
+def turn_ties(joint: Joint, moved: Array) -> None:
+    """Once all means have moved by so much, shape (n,): let the ties between places and headings move along (`correct`)."""
     first = joint.firsts(STATES)
     dx, dy = moved[first + X], moved[first + Y]
     first, dx, dy = (rows[(dx != 0) | (dy != 0)] for rows in (first, dx, dy))

@@ -10,8 +10,9 @@ from pydantic import ValidationError
 from blackboard.board.joint.queue import MAX_ROBOTS, MAX_WAITING
 from blackboard.board.joint.room import MAX_OBJECTS
 from blackboard.errors import Refused
+from blackboard.opinion.gaussian.priors import found_in
 from blackboard.opinion.gaussian.state import MAX_ERRORS
-from blackboard.opinion.gaussian.vehicle import STATES
+from blackboard.opinion.gaussian.vehicle import FORWARD, STATES
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import Forward, Forwarded, PackedVelocity, Seen
 from blackboard.wire.gaussians import pack_evidence, pose_of, velocity_of
@@ -166,6 +167,15 @@ def test_of_a_robot_whose_odometry_is_not_believed_that_is_told() -> None:
     consensuses = settled(desk, 1, r1=at(10, 10), r2=at(20, 10))
     told = {subject: consensus.parameters.get("odometry distrusted") for subject, consensus in consensuses.items()}
     assert told == {"robot/r1": 1.0, "robot/r2": None}
+
+
+def test_of_a_robot_whose_sensors_err_by_more_than_it_was_told_that_is_told() -> None:
+    desk = new_desk()
+    settled(desk, 0, r1=at(10, 10), r2=at(20, 10))
+    desk.team.widened["robot/r1"] = (FORWARD,)
+    consensuses = settled(desk, 1, r1=at(10, 10), r2=at(20, 10))
+    told = {subject: found_in(consensus.parameters) for subject, consensus in consensuses.items()}
+    assert told == {"robot/r1": {"way scale found": pytest.approx(1.0)}, "robot/r2": {}}
 
 
 def test_what_is_kept_is_bounded() -> None:

@@ -1,0 +1,142 @@
+"""A prior that is contradicted is replaced, as if the wider one had been there from the start; one that holds is left alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.influence import FAINT, FARTHEST
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.priors import SHOWN, WIDE, contradicted, found_in
+from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import AXES, BEARING, FORWARD, STATES, Nuisance, entering
+from tests.opinion.gaussian.standing import LIAR, PLACES, says
+
+ROBOT, MATE = "robot/r1", "robot/r2"
+NARROW = Nuisance(sigmas=(0.05, 0.05, 0.003, 0.01, 0.0, 0.02))
+POSE = Moments(np.zeros(3), np.diag([1.0, 1.0, 0.1]))
+USUAL = entering(POSE, NARROW)
+SEEDS = st.integers(0, 10_000)
+
+
+def wide(state: int) -> Nuisance:
+    sigmas = list(NARROW.sigmas)
+    sigmas[state - FORWARD] = WIDE[state]
+    return replace(NARROW, sigmas=tuple(sigmas))
+
+
+def measured(seed: int, state: int, off: float, nuisance: Nuisance) -> Joint:
+    """Two robots after some linear measurements of random sums of their states, of which one is `off` its prior mean."""
+    rng, joint = np.random.default_rng(seed), Joint()
+    for robot, model in ((ROBOT, nuisance), (MATE, NARROW)):
+        joint.add(robot, entering(POSE, model))
+    truth = np.concatenate([rng.multivariate_normal(USUAL.mean, USUAL.covariance) for _ in range(2)])
+    truth[state] = USUAL.mean[state] + off
+    for _ in range(60):
+        rows = rng.normal(size=(1, 2 * STATES))
+        residual = rows @ (truth - joint.mean) + rng.normal(0.0, 0.05, 1)
+        joint.update(Factor(residual, {ROBOT: rows[:, :STATES], MATE: rows[:, STATES:]}, np.array([[0.05**2]])))
+    return joint
+
+
+@pytest.mark.parametrize("state", WIDE)
+@settings(deadline=None, max_examples=20)
+@given(seed=SEEDS, sign=st.sampled_from([-1.0, 1.0]))
+def test_what_is_believed_is_what_a_filter_with_the_wide_prior_has(state: int, seed: int, sign: float) -> None:
+    """The slow way is to begin anew with the wide prior and to take all measurements again."""
+    joint, off = measured(seed, state, sign * 2 * WIDE[state], NARROW), sign * 2 * WIDE[state]
+    anew = measured(seed, state, off, wide(state))
+    worst = contradicted(joint.moments(ROBOT), USUAL, NARROW)
+    assert worst is not None
+    if worst[0] == state:
+        at = joint.blocks[ROBOT].start + state
+        joint.retell(at, worst[2], joint.followed(at) * (worst[1] - joint.mean[at]))
+        assert joint.mean == pytest.approx(anew.mean, abs=1e-6)
+        assert joint.covariance == pytest.approx(anew.covariance, abs=1e-6)
+        assert abs(joint.mean[at] - USUAL.mean[state] - off) < 4 * np.sqrt(joint.variances[at])
+
+
+def test_of_models_that_hold_one_in_a_hundred_at_most_is_contradicted() -> None:
+    rng = np.random.default_rng(1)
+    drawn = [measured(seed, BEARING, rng.normal(0.0, 0.01), NARROW).moments(ROBOT) for seed in range(400)]
+    assert sum(contradicted(block, USUAL, NARROW) is not None for block in drawn) <= 4
+
+
+def test_a_state_of_which_nothing_was_seen_is_not_contradicted_and_each_once() -> None:
+    block = measured(3, BEARING, 0.4, NARROW).moments(ROBOT)
+    worst = contradicted(block, USUAL, NARROW)
+    assert worst is not None
+    assert worst[0] == BEARING
+    assert worst[2] < (SHOWN * WIDE[BEARING]) ** 2
+    assert contradicted(block, USUAL, NARROW, [BEARING, *WIDE]) is None
+    assert contradicted(USUAL, USUAL, NARROW) is None
+    unseen = entering(POSE, NARROW)
+    unseen.mean[BEARING], unseen.covariance[BEARING, BEARING] = 0.001, 0.999999 * 0.01**2
+    assert contradicted(unseen, USUAL, NARROW) is None  # it is beyond by far, of next to nothing
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1e-300, 1e-12, 1.0, 1e150])
+def test_a_sigma_that_nobody_can_mean_is_left_alone(sigma: float) -> None:
+    nuisance = Nuisance(sigmas=(sigma,) * 9)
+    for variance, mean in ((0.0, 1.0), (sigma**2 / 2, 1e300), (1e-320, 1.0), (sigma**2, 5.0)):
+        block = Moments(np.full(STATES, mean), np.diag([variance] * STATES))
+        assert contradicted(block, entering(POSE, nuisance), nuisance) is None
+
+
+def test_only_numbers_under_known_names_are_told() -> None:
+    assert found_in({"way scale found": 1.4, "turn scale found": "x", "gate": 3.7}) == {"way scale found": 1.4}
+
+
+@settings(deadline=None, max_examples=60)
+@given(state=st.sampled_from(sorted(WIDE)), seed=SEEDS, sigmas=st.floats(0.0, 1e4), tie=st.floats(0.0, 0.99))
+def test_whatever_contradicts_a_model_moves_mates_no_farther_than_an_honest_robot_would(
+    state: int, seed: int, sigmas: float, tie: float
+) -> None:
+    """A robot whose error and the place of a mate hang together, so many sigmas beyond what is expected of the error."""
+    team, rng = TeamJoint(), np.random.default_rng(seed)
+    for tick in range(2):
+        team.settle(tick, 1.0, [says(robot, tick) for robot in PLACES])
+    joint, mates = team.joint, [robot for robot in PLACES if robot != LIAR]
+    sigma = NARROW.sigmas[state - FORWARD]
+    left = sigma**2 * rng.uniform(0.01, 0.9)
+    team.known[LIAR], team.entered[LIAR] = replace(team.known[LIAR], nuisance=NARROW), USUAL
+    at, mate = joint.blocks[LIAR].start + state, joint.blocks[mates[0]].start
+    joint.covariance[at] = joint.covariance[:, at] = 0.0
+    joint.covariance[at, at] = left
+    joint.covariance[at, mate] = joint.covariance[mate, at] = tie * np.sqrt(left * joint.variances[mate])
+    joint.mean[at] = USUAL.mean[state] + sigmas * np.sqrt(sigma**2 - left)
+    before = {robot: joint.moments(robot) for robot in mates}
+    follow, sureness = joint.followed(at)[mate], WIDE[state]
+    team.widen_priors()
+    for robot in mates:
+        after = joint.moments(robot)
+        allowed = FARTHEST * ((follow * sureness) ** 2 + FAINT * before[robot].covariance[0, 0])
+        assert np.square(after.mean[AXES] - before[robot].mean[AXES]).sum() <= allowed * (robot == mates[0])
+        assert np.linalg.eigvalsh(after.covariance - before[robot].covariance).min() > -1e-9
+    assert np.linalg.eigvalsh(joint.covariance).min() > -1e-9
+
+
+@pytest.mark.parametrize("askew", [0.0, 0.1])
+def test_boards_find_how_far_a_camera_is_mounted_askew_and_say_so(askew: float) -> None:
+    """Of robots that know their places and headings and see each other; of one the bearings read too much."""
+    team, rng = TeamJoint(), np.random.default_rng(5)
+    for tick in range(12):
+        told = []
+        for robot, place in PLACES.items():
+            seen = []
+            for mate in PLACES.keys() - {robot}:
+                dx, dy = PLACES[mate] - place
+                bearing = np.arctan2(dy, dx) + rng.normal(0.0, 0.03) + askew * (robot == LIAR)
+                seen.append(Relative(robot, mate, np.hypot(dx, dy) + rng.normal(0.0, 0.1), bearing, 0.01, 0.03**2))
+            told.append(replace(says(robot, tick, tuple(seen)), nuisance=NARROW))
+            if told[-1].belief is not None:
+                belief = told[-1].belief
+                told[-1] = replace(
+                    told[-1], belief=entering(Moments(belief.mean[:3], belief.covariance[:3, :3]), NARROW)
+                )
+        team.settle(tick, 1.0, told)
+    found = {robot: team.found(robot) for robot in PLACES if team.found(robot)}
+    assert found == ({LIAR: {"bearing bias found (rad)": pytest.approx(askew, abs=0.03)}} if askew else {})
