@@ -21,6 +21,7 @@ from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.linearising import linearise
+from blackboard.opinion.gaussian.priors import contradicted, retell
 from blackboard.opinion.gaussian.relation import Relative, forget_biases
 from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.vehicle import (
@@ -92,6 +93,7 @@ class FirstHand:
     _last: Readings | None = None
     #: Whether the heading is not known from own readings yet. The mean is then the team's: only a place to linearise at.
     _is_lent: bool = False
+    _widened: tuple[int, ...] = ()  # states of its lasting errors whose prior was contradicted
     #: How far it may have turned unmeasured, in radians: since the newest odometry, or since it took its heading from the team.
     _unmeasured: float = 0.0
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
@@ -146,6 +148,7 @@ class FirstHand:
         if readings.odometry is not None:
             self._unmeasured = 0.0
         self._judge_wheels(at)
+        self._widen_prior()
         since = math.inf if self._last is None else readings.time - self._last.time
         motion = self._move(readings, at).after(self._newest_motion, since)
         moved = None if at is None or not self.known else self._team_moved(at, motion)
@@ -274,6 +277,22 @@ class FirstHand:
         else:
             self.wheels.judge(self.joint, at if at is not None and self._is_plausible(at) else None)
 
+    def _widen_prior(self) -> None:
+        """Replace what was told of a lasting error, each once, where own readings contradict it (`priors`)."""
+        if not self.known:
+            return
+        nuisance, block = self.sensors.wheels.nuisance, self.joint.moments(self.robot)
+        entered = entering(Moments(block.mean[POSE], block.covariance[POSE, POSE]), nuisance)
+        worst = contradicted(block, entered, nuisance, self._widened)
+        if worst is not None:
+            state, mean, variance = worst
+            at = self.joint.blocks[self.robot].start + state
+            retell(self.joint, at, variance, self.joint.followed(at) * (mean - self.joint.mean[at]))
+            self._widened = (*self._widened, state)
+            self.wheels.give_up()
+            self.mishaps.forget()
+            self._unsent.forget()
+
     def _wheel_noise(self) -> WheelNoise:
         """An estimate of the noise of its wheels that nothing has been learned in yet."""
         wheels = self.sensors.wheels
@@ -334,6 +353,7 @@ class FirstHand:
         """
         self.epoch = max(self.epoch + 1, round(1000 * time))
         self.joint, self.travelled, self._last, self._unmeasured = Joint(), Motion(), None, 0.0
+        self._widened = ()
         self._groups, self._misses = {}, []
         self._unsent.forget()
         self._search.forget()
@@ -360,7 +380,7 @@ class FirstHand:
         What is gained over a prediction is evidence whatever the prediction was, so no increment counts the team's belief.
         """
         pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
-        self.joint, self._misses, self._unmeasured = Joint(), [], 0.0
+        self.joint, self._misses, self._unmeasured, self._widened = Joint(), [], 0.0, ()
         self.wheels.give_up()
         self.mishaps.forget()
         self.absolute.forget()

@@ -13,8 +13,9 @@ import math
 from collections.abc import Collection, Mapping
 
 from blackboard.opinion.chi_squared import GATE, quantile
-from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.vehicle import BEARING, FORWARD, RANGE, TURN, Nuisance
+from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.vehicle import BEARING, FORWARD, RANGE, TURN, Nuisance, turn_ties
+from blackboard.opinion.grid import Array
 
 WIDE = {FORWARD: 0.5, TURN: 0.5, BEARING: 0.2, RANGE: 0.2}  # sigmas, of the bearing in radians
 SHOWN = 0.5  # times a sigma of `WIDE`: so well a state must be known with the wide prior, or else what is seen says little of it
@@ -47,6 +48,12 @@ def contradicted(
             mean = (told + float(means[state - FORWARD]) / wide**2) / information
             worst, farthest = (state, mean, 1 / information), beyond
     return worst
+
+
+def retell(joint: Joint, state: int, variance: float, way: Array) -> None:
+    """Give a state, by its index in the joint, a larger variance, and let the means of all states go a way, shape (n,)."""
+    joint.retell(state, variance, way)
+    turn_ties(joint, way)
 
 
 def found_in(parameters: Mapping[str, object]) -> dict[str, float]:

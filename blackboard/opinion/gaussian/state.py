@@ -25,14 +25,14 @@ from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Innovatio
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
-from blackboard.opinion.gaussian.priors import FOUND, contradicted, spread_of_means
+from blackboard.opinion.gaussian.priors import FOUND, contradicted, retell, spread_of_means
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
 from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance, turn_ties
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Array
 
@@ -361,8 +361,7 @@ class TeamState(Copyable):
                 way = own
                 after = self.influence.after_shift(self.joint, robot, way, np.zeros_like(way))
             self.influence.on_factor(after)
-        self.joint.retell(at, variance, way)
-        turn_ties(self.joint, way)
+        retell(self.joint, at, variance, way)
 
     def as_found(self, relative: Relative) -> Relative:
         """A sighting with the noise that its observer's have shown to have.
