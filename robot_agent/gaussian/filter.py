@@ -29,9 +29,11 @@ from blackboard.opinion.gaussian.vehicle import (
     AXES,
     CURVED_TURN,
     FLAT,
+    FORWARD,
     HEADING,
     POSE,
     STATES,
+    TURN,
     Motion,
     X,
     correct,
@@ -278,12 +280,15 @@ class FirstHand:
             self.wheels.judge(self.joint, at if at is not None and self._is_plausible(at) else None)
 
     def _widen_prior(self) -> None:
-        """Replace what was told of a lasting error, each once, where own readings contradict it (`priors`)."""
+        """Replace what was told of a lasting error of the camera, each once, where landmarks contradict it (`priors`).
+
+        Not of the wheels: their noise is guessed, and more of it, or a fix that claims too much, looks like another scale.
+        """
         if not self.known:
             return
         nuisance, block = self.sensors.wheels.nuisance, self.joint.moments(self.robot)
         entered = entering(Moments(block.mean[POSE], block.covariance[POSE, POSE]), nuisance)
-        worst = contradicted(block, entered, nuisance, self._widened)
+        worst = contradicted(block, entered, nuisance, (FORWARD, TURN, *self._widened))
         if worst is not None:
             state, mean, variance = worst
             at = self.joint.blocks[self.robot].start + state

@@ -1,4 +1,4 @@
-"""A robot that sees landmarks, with sensors that are far from what it was told: it finds out how far."""
+"""A robot that sees landmarks by a camera that is mounted askew finds out how far."""
 
 import math
 
@@ -15,10 +15,10 @@ SEEDS = range(11, 14)
 REACH, VIEW = 6.0, 1.0  # metres, radians to each side
 
 
-def course(seed: int, askew: float = 0.0, way: float = 1.0, turn: float = 1.0) -> tuple[float, float]:
+def course(seed: int, askew: float = 0.0) -> tuple[float, float]:
     """RMSE (m) and the share of the truth in 95 % regions, once settled, of a robot that drives curves among eight landmarks.
 
-    Its bearings read `askew` (radians) too much, its odometry these shares of ways and turns.
+    Its bearings read `askew` (radians) too much.
     """
     rng = np.random.default_rng(seed)
     marks = {f"landmark/m{k}": rng.uniform((0.0, 0.0), (12.0, 9.0)) for k in range(8)}
@@ -29,9 +29,7 @@ def course(seed: int, askew: float = 0.0, way: float = 1.0, turn: float = 1.0) -
         turned = DT * (0.8 if np.hypot(*(pose[:2] - (6.0, 4.5))) > 4 else 0.15 + 0.5 * math.sin(tick * DT / 5))
         ahead, angle = 0.5 * DT, pose[2] + turned / 2
         pose = pose + [ahead * math.cos(angle), ahead * math.sin(angle), turned]
-        odometry = Odometry(
-            distance=way * (ahead + rng.normal(0.0, 0.005)), turn=turn * (turned + rng.normal(0.0, 0.006)), dt=DT
-        )
+        odometry = Odometry(distance=ahead + rng.normal(0.0, 0.005), turn=turned + rng.normal(0.0, 0.006), dt=DT)
         seen = []
         for name, place in marks.items() if tick % 5 == 0 else ():
             dx, dy = place - pose[:2]
@@ -65,11 +63,9 @@ def as_told() -> list[float]:
     return [course(seed)[0] for seed in SEEDS]
 
 
-@pytest.mark.parametrize("wrong", [{"askew": 0.2}, {"turn": 0.6}], ids=str)
-def test_it_is_soon_about_as_exact_as_with_sensors_that_are_as_told(
-    wrong: dict[str, float], as_told: list[float]
-) -> None:
-    """Cameras 0.2 rad askew made robots 3.3 to 4.5 times as far off, and turns of 0.6 made them 1.6 to 2.6 times."""
-    spoilt = [course(seed, **wrong) for seed in SEEDS]
+@pytest.mark.parametrize("askew", [0.1, 0.2])
+def test_it_is_soon_about_as_exact_as_with_a_camera_that_looks_ahead(askew: float, as_told: list[float]) -> None:
+    """It was 2.3 to 4.5 times as far off."""
+    spoilt = [course(seed, askew) for seed in SEEDS]
     assert np.mean([rmse for rmse, _ in spoilt]) <= 1.4 * np.mean(as_told)
     assert np.mean([coverage for _, coverage in spoilt]) >= 0.9
