@@ -109,7 +109,7 @@ def _motion(level: Table, unit: str) -> list[str]:
     if level["parameters"].get(DISTRUSTED) == 1.0:
         lines.append("Its mates saw it elsewhere than its odometry led, which is not believed until it fits again.")
     if found := [f"{name} {value:.3g}" for name, value in found_in(level["parameters"]).items()]:
-        lines.append(f"Its sensors err by more than it was told: {_and(found)}; measured by `blackboard calibrate`.")
+        lines.append(f"Its sensors err by more than it was told: {_and(found)}; `blackboard calibrate` measures them.")
     return lines + (
         [f"With {100 * lost:.0f} % it is lost, and not there."] if lost is not None and lost >= LIKELY_LOST else []
     )
