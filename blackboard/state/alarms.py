@@ -133,7 +133,7 @@ def shown_by(moment: Moment, cells: float) -> tuple[dict[tuple[str, str], str], 
         if subject.startswith("robot/") and (found := found_in(consensus.parameters)):
             robot = subject.removeprefix("robot/")
             alarms["sensors", robot] = (
-                f"{robot}'s sensors err by more than it was told: {', '.join(found)}; see `why {robot}`"
+                f"{robot}'s sensors err by more than it was told: {', '.join(found)}; `blackboard why {subject}` says by how much"
             )
         if text := _lost(consensus, cells):
             alarms["lost", subject] = text

@@ -21,7 +21,7 @@ from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.linearising import linearise
-from blackboard.opinion.gaussian.priors import contradicted, retell
+from blackboard.opinion.gaussian.priors import contradicted, widen
 from blackboard.opinion.gaussian.relation import Relative, forget_biases
 from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.vehicle import (
@@ -280,9 +280,9 @@ class FirstHand:
             self.wheels.judge(self.joint, at if at is not None and self._is_plausible(at) else None)
 
     def _widen_prior(self) -> None:
-        """Replace what was told of a lasting error of the camera, each once, where landmarks contradict it (`priors`).
+        """Replace the prior of the camera's direction or range scale by a wide one, once, where landmarks contradict it (`priors`).
 
-        Not of the wheels: their noise is guessed, and more of it, or a fix that claims too much, looks like another scale.
+        Those of the wheels' scales stay: the noise of wheels is a guess, and more of it, or an over-confident fix, looks like a scale.
         """
         if not self.known:
             return
@@ -292,7 +292,7 @@ class FirstHand:
         if worst is not None:
             state, mean, variance = worst
             at = self.joint.blocks[self.robot].start + state
-            retell(self.joint, at, variance, self.joint.followed(at) * (mean - self.joint.mean[at]))
+            widen(self.joint, at, variance, self.joint.regression(at) * (mean - self.joint.mean[at]))
             self._widened = (*self._widened, state)
             self.wheels.give_up()
             self.mishaps.forget()

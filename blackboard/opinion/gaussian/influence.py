@@ -153,7 +153,10 @@ class Influence(Copyable):
         return moved, honest
 
     def after_shift(self, joint: Joint, robot: str, shift: Array, sigmas: Array) -> tuple[Array, Array]:
-        """D and C once what `robot` told moves all means by `shift`, (n,): what is honest, by a normal number times `sigmas`."""
+        """D and C once all means move by `shift`, shape (n,), because of what `robot` told.
+
+        An honest robot would move them by one normal random number times `sigmas`, shape (n,).
+        """
         self._follow(joint)
         rows, row = joint.indices(self._places, 2).ravel(), self._sources.index(robot)
         moved, honest = self._moved.copy(), self._honest.copy()

@@ -266,16 +266,19 @@ class Joint:
         """
         self._covariance.shear(to, by, factors)
 
-    def followed(self, state: int) -> Array:
-        """By how much the means of all states, shape (n,), follow where that of one state, by its index, turns out 1 larger."""
+    def regression(self, state: int) -> Array:
+        """The regression coefficients of all states on one, by its index: its row of the covariance over its variance, shape (n,)."""
         covariance = self.covariance[state]
         return np.asarray(covariance / covariance[state])
 
-    def retell(self, state: int, variance: float, way: Array) -> None:
-        """One state has a larger variance than it was told, and all follow it; the means move by `way`, shape (n,)."""
-        follow = self.followed(state)
-        self.mean = self.mean + way
-        self.covariance = self.covariance + np.outer(follow, follow) * (variance - self.variances[state])
+    def widen(self, state: int, variance: float, moved: Array) -> None:
+        """Replace the variance of one state, by its index, by a larger one; all other covariances follow by regression on it.
+
+        The means of all states move by `moved`, shape (n,).
+        """
+        coefficients = self.regression(state)
+        self.mean = self.mean + moved
+        self.covariance = self.covariance + np.outer(coefficients, coefficients) * (variance - self.variances[state])
 
     def decay(self, keep: Mapping[Block, float], variance: float = 1.0) -> None:
         """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary `variance`."""

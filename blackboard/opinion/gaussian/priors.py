@@ -19,6 +19,7 @@ from blackboard.opinion.grid import Array
 
 WIDE = {FORWARD: 0.5, TURN: 0.5, BEARING: 0.2, RANGE: 0.2}  # sigmas, of the bearing in radians
 SHOWN = 0.5  # times a sigma of `WIDE`: so well a state must be known with the wide prior, or else what is seen says little of it
+MOST = 10.0  # times a sigma of `WIDE`: no sensor errs by more
 LEAST = 1e-6  # of a sigma: less is rounding
 #: How boards call these states, and their units, among the parameters of a consensus.
 FOUND = {
@@ -32,35 +33,41 @@ FOUND = {
 def contradicted(
     block: Moments, entered: Moments, nuisance: Nuisance, but: Collection[int] = ()
 ) -> tuple[int, float, float] | None:
-    """The state of a robot's block, shape (12,), that contradicts most with what the robot `entered`, `but` some; None: none.
+    """Which lasting error of a robot contradicts its prior, with the mean and variance that it has by the wide prior; None: none.
 
-    With it come the mean and the variance that it would have by the wide prior.
+    `block` is what is believed of the robot now, shape (12,) and (12, 12), `entered` the same when it entered. Of several the one is
+    taken that is beyond its prior by most sigmas; those of `but` are not looked at.
     """
-    means, farthest, worst = nuisance.prior().mean, quantile(GATE, 1), None
+    farthest, worst = quantile(GATE, 1), None
     for state, wide in WIDE.items():
         before, left = float(entered.covariance[state, state]), float(block.covariance[state, state])
         if state in but or not LEAST**2 < left < before < wide**2:
             continue
-        beyond = float(block.mean[state] - entered.mean[state]) ** 2 / (before - left)
+        usual, then, now = _usual(nuisance, state), float(entered.mean[state]), float(block.mean[state])
         information = 1 / left - 1 / before + 1 / wide**2
-        if beyond > farthest and information * (SHOWN * wide) ** 2 > 1:
-            told = float(block.mean[state]) / left - float(entered.mean[state]) / before
-            mean = (told + float(means[state - FORWARD]) / wide**2) / information
+        mean = (now / left - then / before + usual / wide**2) / information
+        beyond = (now - then) ** 2 / (before - left)
+        if beyond > farthest and information * (SHOWN * wide) ** 2 > 1 and abs(mean - then) <= MOST * wide:
             worst, farthest = (state, mean, 1 / information), beyond
     return worst
 
 
-def retell(joint: Joint, state: int, variance: float, way: Array) -> None:
-    """Give a state, by its index in the joint, a larger variance, and let the means of all states go a way, shape (n,)."""
-    joint.retell(state, variance, way)
-    turn_ties(joint, way)
+def _usual(nuisance: Nuisance, state: int) -> float:
+    """The prior mean of a state; of all but the scales 0."""
+    return {FORWARD: nuisance.forward, TURN: nuisance.turn}.get(state, 0.0)
+
+
+def widen(joint: Joint, state: int, variance: float, moved: Array) -> None:
+    """`Joint.widen`, where the errors of places are held in coordinates that turn with the heading's (`vehicle.correct`)."""
+    joint.widen(state, variance, moved)
+    turn_ties(joint, moved)
 
 
 def found_in(parameters: Mapping[str, object]) -> dict[str, float]:
-    """What the parameters of a consensus say of `FOUND`."""
+    """Those parameters of a consensus that tell sensor errors (`FOUND`): name -> value; what is no number is left out."""
     return {name: value for name in FOUND.values() if isinstance(value := parameters.get(name), float)}
 
 
 def spread_of_means(before: float, after: float, state: int) -> float:
-    """Sigma of how far the mean of a state moves, from one variance to another, where the wide prior is right."""
+    """The sigma of the change of a state's mean when its variance goes from `before` to `after`, if the wide prior is right."""
     return (1 - before / after) * math.sqrt(max(0.0, WIDE[state] ** 2 - after))

@@ -25,7 +25,7 @@ from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Innovatio
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
-from blackboard.opinion.gaussian.priors import FOUND, contradicted, retell, spread_of_means
+from blackboard.opinion.gaussian.priors import FOUND, contradicted, spread_of_means, widen
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
 from blackboard.opinion.gaussian.speeds import Speeds
@@ -116,7 +116,7 @@ class TeamState(Copyable):
     tick: int = -1
     left_out: frozenset[str] = frozenset()  # robots that the majority contradicts, for now
     refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
-    #: Robot -> the lasting errors, as states of its block, that are larger than it was told (`priors`).
+    #: Robot -> states of its block whose prior was contradicted and replaced by a wide one (`priors`).
     widened: dict[str, tuple[int, ...]] = field(default_factory=dict)
     entered: dict[str, Moments] = field(default_factory=dict)  # robot -> its block when it entered
     known: dict[str, Known] = field(default_factory=dict)
@@ -330,8 +330,11 @@ class TeamState(Copyable):
         return only
 
     def widen_priors(self) -> None:
-        """Replace what was told of the lasting errors of robots where that is contradicted: one of each robot, and each once."""
-        if len(self.known) < 2:  # what one alone sees may be due to what it sees
+        """Replace priors of sensor errors (scales, camera direction) that sightings contradict by wide ones (`priors`).
+
+        At most one of each robot in a tick, and each once. One robot alone cannot tell its errors from the motion of what it sees.
+        """
+        if len(self.known) < 2:
             return
         for robot in filter(self.knows, sorted(self.known)):
             block, done = self.joint.moments(robot), self.widened.get(robot, ())
@@ -342,26 +345,29 @@ class TeamState(Copyable):
                     self._widen_prior(robot, *worst)
 
     def found(self, robot: str) -> dict[str, float]:
-        """What a robot's lasting errors are where they are larger than it was told, by name (`priors.FOUND`)."""
+        """The estimates of those sensor errors of a robot whose prior was contradicted, by name (`priors.FOUND`)."""
         first = self.joint.blocks[robot].start
         return {FOUND[state]: float(self.joint.mean[first + state]) for state in self.widened.get(robot, ())}
 
     def _widen_prior(self, robot: str, state: int, mean: float, variance: float) -> None:
-        """A state of a robot has another mean and variance; that moves others' places no farther than an honest robot would."""
-        at = self.joint.blocks[robot].start + state
-        follow = self.joint.followed(at)
-        way = follow * (mean - self.joint.mean[at])
+        """A state of a robot gets another mean and variance, and all else follows by regression.
+
+        Where mates would move farther than an honest robot may move them (`influence`), only the robot itself moves.
+        """
+        own = self.joint.blocks[robot]
+        at = own.start + state
+        coefficients = self.joint.regression(at)
+        moved = coefficients * (mean - self.joint.mean[at])
         if self.influence.is_counted(len(self.known)):
-            sigmas = follow * spread_of_means(self.joint.variances[at], variance, state)
-            after = self.influence.after_shift(self.joint, robot, way, sigmas)
+            sigmas = coefficients * spread_of_means(self.joint.variances[at], variance, state)
+            after = self.influence.after_shift(self.joint, robot, moved, sigmas)
             if self.influence.beyond(self.joint, after):
                 self.tally.bounded += 1
-                own = np.zeros_like(way)
-                own[self.joint.blocks[robot]] = way[self.joint.blocks[robot]]
-                way = own
-                after = self.influence.after_shift(self.joint, robot, way, np.zeros_like(way))
+                alone = np.zeros_like(moved)
+                alone[own] = moved[own]
+                moved, after = alone, self.influence.after_shift(self.joint, robot, alone, np.zeros_like(alone))
             self.influence.on_factor(after)
-        retell(self.joint, at, variance, way)
+        widen(self.joint, at, variance, moved)
 
     def as_found(self, relative: Relative) -> Relative:
         """A sighting with the noise that its observer's have shown to have.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.influence import FAINT, FARTHEST
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.priors import SHOWN, WIDE, contradicted, found_in
+from blackboard.opinion.gaussian.priors import MOST, SHOWN, WIDE, contradicted, found_in
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, FORWARD, STATES, Nuisance, entering
@@ -22,7 +22,7 @@ USUAL = entering(POSE, NARROW)
 SEEDS = st.integers(0, 10_000)
 
 
-def wide(state: int) -> Nuisance:
+def with_wide(state: int) -> Nuisance:
     sigmas = list(NARROW.sigmas)
     sigmas[state - FORWARD] = WIDE[state]
     return replace(NARROW, sigmas=tuple(sigmas))
@@ -48,15 +48,15 @@ def measured(seed: int, state: int, off: float, nuisance: Nuisance) -> Joint:
 def test_what_is_believed_is_what_a_filter_with_the_wide_prior_has(state: int, seed: int, sign: float) -> None:
     """The slow way is to begin anew with the wide prior and to take all measurements again."""
     joint, off = measured(seed, state, sign * 2 * WIDE[state], NARROW), sign * 2 * WIDE[state]
-    anew = measured(seed, state, off, wide(state))
+    anew = measured(seed, state, off, with_wide(state))
     worst = contradicted(joint.moments(ROBOT), USUAL, NARROW)
     assert worst is not None
-    if worst[0] == state:
-        at = joint.blocks[ROBOT].start + state
-        joint.retell(at, worst[2], joint.followed(at) * (worst[1] - joint.mean[at]))
-        assert joint.mean == pytest.approx(anew.mean, abs=1e-6)
-        assert joint.covariance == pytest.approx(anew.covariance, abs=1e-6)
-        assert abs(joint.mean[at] - USUAL.mean[state] - off) < 4 * np.sqrt(joint.variances[at])
+    assert worst[0] == state
+    at = joint.blocks[ROBOT].start + state
+    joint.widen(at, worst[2], joint.regression(at) * (worst[1] - joint.mean[at]))
+    assert joint.mean == pytest.approx(anew.mean, abs=1e-6)
+    assert joint.covariance == pytest.approx(anew.covariance, abs=1e-6)
+    assert abs(joint.mean[at] - USUAL.mean[state] - off) < 4 * np.sqrt(joint.variances[at])
 
 
 def test_of_models_that_hold_one_in_a_hundred_at_most_is_contradicted() -> None:
@@ -86,6 +86,15 @@ def test_a_sigma_that_nobody_can_mean_is_left_alone(sigma: float) -> None:
         assert contradicted(block, entering(POSE, nuisance), nuisance) is None
 
 
+@pytest.mark.parametrize("claimed", [1e308, -1e308, 1e12, 30.0])
+def test_a_scale_that_no_wheels_have_is_not_taken_over(claimed: float) -> None:
+    """A robot told of it as what its wheels are like, and what was seen contradicts them."""
+    block, claims = measured(3, FORWARD, 0.5, NARROW).moments(ROBOT), replace(NARROW, forward=claimed, turn=claimed)
+    assert contradicted(block, USUAL, NARROW) is not None
+    worst = contradicted(block, USUAL, claims)
+    assert worst is None or abs(worst[1] - USUAL.mean[worst[0]]) <= MOST * WIDE[worst[0]]
+
+
 def test_only_numbers_under_known_names_are_told() -> None:
     assert found_in({"way scale found": 1.4, "turn scale found": "x", "gate": 3.7}) == {"way scale found": 1.4}
 
@@ -109,7 +118,7 @@ def test_whatever_contradicts_a_model_moves_mates_no_farther_than_an_honest_robo
     joint.covariance[at, mate] = joint.covariance[mate, at] = tie * np.sqrt(left * joint.variances[mate])
     joint.mean[at] = USUAL.mean[state] + sigmas * np.sqrt(sigma**2 - left)
     before = {robot: joint.moments(robot) for robot in mates}
-    follow, sureness = joint.followed(at)[mate], WIDE[state]
+    follow, sureness = joint.regression(at)[mate], WIDE[state]
     team.widen_priors()
     for robot in mates:
         after = joint.moments(robot)
