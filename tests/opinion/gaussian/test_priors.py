@@ -12,7 +12,7 @@ from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.priors import MOST, SHOWN, WIDE, contradicted, found_in
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, BEARING, FORWARD, STATES, Nuisance, entering
+from blackboard.opinion.gaussian.vehicle import AXES, BEARING, FORWARD, HEADING, STATES, Nuisance, entering
 from tests.opinion.gaussian.standing import LIAR, PLACES, says
 
 ROBOT, MATE = "robot/r1", "robot/r2"
@@ -113,7 +113,11 @@ def test_whatever_contradicts_a_model_moves_mates_no_farther_than_an_honest_robo
     left = sigma**2 * rng.uniform(0.01, 0.9)
     team.known[LIAR], team.entered[LIAR] = replace(team.known[LIAR], nuisance=NARROW), USUAL
     at, mate = joint.blocks[LIAR].start + state, joint.blocks[mates[0]].start
-    joint.covariance[at] = joint.covariance[:, at] = 0.0
+    for certain in (
+        at,
+        *(joint.blocks[robot].start + HEADING for robot in PLACES),
+    ):  # so that no place turns with a heading
+        joint.covariance[certain] = joint.covariance[:, certain] = 0.0
     joint.covariance[at, at] = left
     joint.covariance[at, mate] = joint.covariance[mate, at] = tie * np.sqrt(left * joint.variances[mate])
     joint.mean[at] = USUAL.mean[state] + sigmas * np.sqrt(sigma**2 - left)
