@@ -13,7 +13,7 @@ import numpy as np
 from blackboard.board.dissent import DissentJudge, distance
 from blackboard.board.learning import Advice, Learner
 from blackboard.config import BoardSection
-from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict_of
+from blackboard.opinion.agreement import bhattacharyya_coefficient, conflict
 from blackboard.opinion.belief import Belief, uniform
 from blackboard.opinion.bell import escort_moments, spread, width
 from blackboard.opinion.chernoff import chernoff
@@ -203,7 +203,7 @@ def _fused(given: _Weighed, grid: Grid, counts: Callable[[str], bool]) -> Fusion
         is_firsthand=all(here) and not more,
         shares=[replace(s, power=given.powers.get((s.opinion.source, s.how), 1.0)) for s in shares + more],
         components=[float(c) for c in pooled.components],
-        conflict=contradicted or bool(outvoted) or conflict_of(given.stack, pooled.claim()),
+        conflict=contradicted or bool(outvoted) or conflict(given.stack, pooled.claim()),
         rule=given.rule,
         outcome=pooled.outcome,
         learned=given.learned,

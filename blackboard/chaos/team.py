@@ -53,12 +53,12 @@ class StormTeam:
         if pid is not None:
             os.kill(pid, number)
 
-    async def until(self, fact: Callable[[], bool], what: str, seconds: float = READY) -> None:
+    async def until(self, fact: Callable[[], bool], what: str) -> None:
         """Wait for a fact while the world runs. RunFailed: it does not come, or the world ends."""
-        end = self.now() + seconds
+        end = self.now() + READY
         while not fact():
             if self.now() > end or self.world.done():
-                raise RunFailed(f"{what}: not within {seconds:g} s; the processes said last:\n" + "\n".join(self.lines))
+                raise RunFailed(f"{what}: not within {READY:g} s; the processes said last:\n" + "\n".join(self.lines))
             await asyncio.sleep(LOOK / 2)
 
     async def watch(self) -> None:

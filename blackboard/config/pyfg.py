@@ -8,12 +8,12 @@ A name is letters and a number: the letters are the robot's (of a point the whol
     EDGE_RANGE time pose pose-or-point range variance
     EDGE_SE2_XY time pose point x y covariance                a point in the frame of a pose
 
-A covariance is its upper triangle, row by row. Other elements are counted and left out.
+A covariance is its upper triangle, row by row. Other elements are left out.
 """
 
 import math
 import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -64,7 +64,6 @@ class FactorGraph:
     path: Path
     tracks: dict[str, RecordedRobot]  # by robot
     points: dict[str, tuple[float, float]]
-    left_out: Counter[str]  # elements that are not replayed, by their first word
 
     @property
     def first(self) -> float:
@@ -116,13 +115,11 @@ class _Reader:
         self.poses: dict[str, tuple[float, ...]] = {}  # name -> time, x, y, heading
         self.points: dict[str, tuple[float, float]] = {}
         self.edges: list[tuple[str, float, str, str, list[float]]] = []
-        self.left_out: Counter[str] = Counter()
 
     def read_line(self, words: list[str]) -> bool:
         """Take a line; False where it is corrupt."""
         kind = words[0]
         if kind not in NUMBERS:
-            self.left_out[kind] += 1
             return True
         timed = kind != "VERTEX_XY"
         first = 1 + timed
@@ -166,7 +163,7 @@ class _Reader:
             tracks[robot] = RecordedRobot(truth, odometry, sigmas, sorted(seen[robot]))
         if not tracks:
             raise UserError(f"{path}: no pose (VERTEX_SE2); give a file in PyFG format, of robots in the plane")
-        return FactorGraph(path, tracks, self.points, self.left_out)
+        return FactorGraph(path, tracks, self.points)
 
 
 def _robot(name: str) -> str:

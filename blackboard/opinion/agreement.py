@@ -36,17 +36,11 @@ def coefficients(opinions: npt.ArrayLike) -> Array:
     return np.asarray(roots @ roots.T)
 
 
-def conflict(opinions: npt.ArrayLike, fused: npt.ArrayLike) -> bool:
+def conflict(opinions: Array, fused: Array) -> bool:
     """The paper's second test (section VI): some individual opinion has a smaller entropy than the fused belief.
 
-    opinions (N, *grid shape), fused in the grid's shape; differences of rounding do not count.
+    opinions (N, *grid shape), checked, and fused in the grid's shape; differences of rounding do not count.
     """
-    (whole,) = checked(np.asarray(fused)[np.newaxis])
-    return conflict_of(checked(opinions), whole)
-
-
-def conflict_of(opinions: Array, fused: Array) -> bool:
-    """As `conflict`, of opinions that are checked already."""
     limit = entropy_of(fused) - SLACK
     # Renyi's entropy of order 2, -ln sum p^2, is at most Shannon's, and takes no logarithm of each cell
     # (III-B.1) is broken

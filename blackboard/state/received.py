@@ -9,7 +9,6 @@ import numpy as np
 
 from blackboard.errors import Refused
 from blackboard.opinion.belief import Belief
-from blackboard.opinion.grid import Grid
 from blackboard.opinion.region import least_inside
 from blackboard.opinion.weights import entropy
 from blackboard.wire.arrays import unpack
@@ -65,10 +64,10 @@ class Received(Generic[M]):
         return None if informed is None else drawn(informed.belief)
 
 
-def read(packed: PackedBelief, grid: Grid | None = None) -> Belief | None:
+def read(packed: PackedBelief) -> Belief | None:
     """The belief, or None where a process would refuse it."""
     try:
-        return unpack(packed, grid)
+        return unpack(packed)
     except Refused:
         return None
 

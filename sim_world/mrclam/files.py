@@ -64,12 +64,11 @@ class RobotFiles:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """All files of a folder. Sightings of unknown barcodes and of the robot itself are dropped, and counted."""
+    """All files of a folder. Sightings of unknown barcodes and of the robot itself are dropped."""
 
     folder: Path
     tracks: dict[int, RobotFiles]  # by the robot's number
     landmarks: dict[int, Place]  # by subject number: surveyed position, m
-    dropped: int  # sightings
 
     @property
     def first(self) -> float:
@@ -111,7 +110,7 @@ def read_recording(folder: str | Path | None) -> Recording:
     numbers = robots_in(path)
     subjects = {int(barcode): int(subject) for subject, barcode in table(path / "Barcodes.dat", 2)}
     landmarks = surveyed(path)
-    tracks, dropped = {}, 0
+    tracks = {}
     for number in numbers:
         odometry = table(path / f"Robot{number}_Odometry.dat", 3)
         truth = table(path / f"Robot{number}_Groundtruth.dat", 4)
@@ -121,6 +120,5 @@ def read_recording(folder: str | Path | None) -> Recording:
         measured = table(path / f"Robot{number}_Measurement.dat", 4)
         measured[:, 1] = [subjects.get(int(barcode), -1) for barcode in measured[:, 1]]
         known = np.isin(measured[:, 1], [*(n for n in numbers if n != number), *landmarks])
-        dropped += int(np.count_nonzero(~known))
         tracks[number] = RobotFiles(odometry, measured[known], truth)
-    return Recording(path, tracks, landmarks, dropped)
+    return Recording(path, tracks, landmarks)

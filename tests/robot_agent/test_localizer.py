@@ -203,15 +203,6 @@ def test_a_range_of_a_tick_ago_counts_from_where_the_robot_was(settings: RobotSe
 
 
 @every
-def test_tempering_is_a_power(settings: RobotSection) -> None:
-    """A Gaussian to the power 1/2 has twice the variance."""
-    localizer = at(settings, 0.05, 0.05, 0.3, 0.2)
-    once, twice = localizer.marginal().covariance(), localizer.tempered(0.5).marginal().covariance()
-    assert twice == pytest.approx(2 * once, rel=0.02, abs=1e-3)
-    assert localizer.tempered(0.5).entropy() > localizer.entropy()
-
-
-@every
 def test_a_belief_stays_a_belief(settings: RobotSection) -> None:
     localizer = at(settings, 1.7, 1.5, 0.4)
     for k in range(8):  # out of the grid

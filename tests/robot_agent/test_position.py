@@ -9,7 +9,6 @@ import pytest
 from blackboard.opinion.belief import Belief, gaussian, uniform
 from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Fix, Sighting
-from robot_agent.localizer import Localizer
 from robot_agent.sensing import TickMotion, position_likelihood
 from tests.robot_agent.robots import CAMERA, FINE, position_localizer
 
@@ -128,16 +127,6 @@ def test_folding_reads_the_ratio_where_the_cells_stand() -> None:
     after = localizer.fold(agreed, localizer.marginal()).marginal()
     assert after.mean() == pytest.approx(agreed.mean(), abs=0.03)
     assert after.covariance() == pytest.approx(agreed.covariance(), abs=0.08)
-
-
-def test_motion_moves_the_mean_and_does_not_blur() -> None:
-    localizer: Localizer = position_localizer(gaussian(GRID, (0.0, 6.0), 0.5))
-    before = localizer.marginal().covariance()
-    for _ in range(20):
-        localizer = localizer.predict(TickMotion(0.185, 0.0, 1.0, 0.0, 0.0, 0.0), 0.0)
-    after = localizer.marginal()
-    assert after.mean()[0] == pytest.approx(20 * 0.185, abs=0.01)
-    assert after.covariance()[0, 0] - before[0, 0] <= 0.26 * 0.5**2  # of the one resampling into the team's grid
 
 
 def test_a_lost_position_forgets_its_offset_and_pending_noise() -> None:

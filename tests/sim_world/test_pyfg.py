@@ -40,7 +40,6 @@ def test_a_file_has_robots_points_and_what_they_measured_of_each_other(graph: Fa
     assert {("range", "landmark/L0"), ("range", "robot/B"), ("pose", "robot/B"), ("position", "landmark/L0")} == set(
         kinds
     )
-    assert graph.left_out == {"SOMETHING_ELSE": 1}
     assert graph.tracks["A"].sigmas == pytest.approx((0.003 / 0.1**0.5, 0.001 / 0.1**0.5, 0.002 / 0.1**0.5))
 
 

@@ -280,8 +280,8 @@ class Joint:
         self.mean = self.mean + moved
         self.covariance = self.covariance + np.outer(coefficients, coefficients) * (variance - self.variances[state])
 
-    def decay(self, keep: Mapping[Block, float], variance: float = 1.0) -> None:
-        """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary `variance`."""
+    def decay(self, keep: Mapping[Block, float]) -> None:
+        """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary variance of 1."""
         if not keep:
             return
         factor = np.ones(len(self.mean))
@@ -290,7 +290,7 @@ class Joint:
         self.mean *= factor
         covariance = self.covariance
         covariance *= np.outer(factor, factor)
-        covariance[np.diag_indices_from(self.covariance)] += (1 - factor**2) * variance
+        covariance[np.diag_indices_from(self.covariance)] += 1 - factor**2
 
     # --- evidence -------------------------------------------------------------------------------------------------------
 

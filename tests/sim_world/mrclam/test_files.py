@@ -27,7 +27,6 @@ def test_barcodes_become_subjects_and_strangers_are_dropped(folder: Path) -> Non
     assert sorted(recording.tracks) == [1, 2]
     assert recording.landmarks == {6: (1.0, 2.0), 7: (-1.0, 0.5)}
     assert recording.tracks[1].sightings[:, 1].tolist() == [6, 2, 7]  # not the unknown barcode, not itself
-    assert recording.dropped == 2
     assert (recording.number("r1"), recording.number("r2")) == (1, 2)
 
 
@@ -187,6 +186,5 @@ def test_an_unknown_barcode_is_dropped_whoever_saw_it(tmp_path: Path) -> None:
         with (tmp_path / f"Robot{robot}_Measurement.dat").open("a") as text:
             text.write("1003.0 98 1.0 0.0\n")
     recording = read_recording(tmp_path)
-    assert recording.dropped == 4
     assert [len(recording.tracks[robot].sightings) for robot in (1, 2)] == [3, 3]
     assert recording.tracks[2].sightings[:, 1].tolist() == [1, 6, 6]

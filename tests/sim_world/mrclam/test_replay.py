@@ -217,7 +217,7 @@ def test_what_is_said_rests_on_the_past_only() -> None:
         odometry[odometry[:, 0] > end, 1:] = 7.0
         sightings[sightings[:, 0] > end, 2:] = 0.5
         tracks[number] = type(track)(odometry, sightings[sightings[:, 0] < end + 5], track.truth)
-    cut = Recording(whole.folder, tracks, whole.landmarks, 0)
+    cut = Recording(whole.folder, tracks, whole.landmarks)
     a, b = (new_replay(recording, *ROBOTS, start=T0, seconds=60, protocol="A_all") for recording in (whole, cut))
     for tick in range(ticks + 1):
         assert a.advance("run", tick)[1] == b.advance("run", tick)[1]
