@@ -183,12 +183,21 @@ WRONG: list[tuple[Callable[[Robot], object], str]] = [
 ]  # fmt: skip
 
 
-def test_a_fix_outside_the_grid_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+@pytest.mark.parametrize(
+    ("way", "warned"),
+    [
+        ((25.0, 5400.0, 5401.0), "a fix at (5400, 3) is outside the team's grid"),
+        ((2.0, 3.0, 3.0, 3.0), "the same fix again, at (3, 3), counts once"),
+    ],
+)
+def test_a_fix_outside_the_grid_or_told_again_is_warned_of_once(
+    way: tuple[float, ...], warned: str, caplog: pytest.LogCaptureFixture
+) -> None:
     robot = Robot("r1", "demo")
-    for x in (25.0, 5400.0, 5401.0):
+    for x in way:
         robot.fix((x, 3.0), sigma=0.1)
     (line,) = caplog.messages
-    assert "r1: a fix at (5400, 3) is outside the team's grid" in line
+    assert f"r1: {warned}" in line
 
 
 def test_poses_of_one_stamp_lose_their_way_not_in_silence(caplog: pytest.LogCaptureFixture) -> None:
@@ -200,14 +209,6 @@ def test_poses_of_one_stamp_lose_their_way_not_in_silence(caplog: pytest.LogCapt
         robot.moved_to((x, 0.0, 0.0), 0.0)
     (line,) = caplog.messages
     assert "r1: moved_to(dt=0) again: each time the way is lost" in line
-
-
-def test_a_fix_that_is_told_again_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
-    robot = Robot("r1", "demo")
-    for x in (2.0, 3.0, 3.0, 3.0):
-        robot.fix((x, 3.0), sigma=0.1)
-    (line,) = caplog.messages
-    assert "r1: the same fix again, at (3, 3), counts once" in line
 
 
 @pytest.mark.parametrize(("call", "names"), WRONG, ids=[names for _, names in WRONG])

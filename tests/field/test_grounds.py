@@ -20,16 +20,6 @@ def test_robots_that_step_twice_a_second_know_how_exact_they_are() -> None:
     assert team.log_score >= 1.0
 
 
-def test_ranges_that_are_all_too_long_by_a_tenth_are_found_to_be() -> None:
-    """The sigma that a range came with was taken for all of its errors: 15 % too long, robots were 4.2 times as far off as one filter."""
-    scores, team, central = Grounds(Ground(9802), longer=1.1).play(40.0), Score(), Score()
-    for robot in ("r1", "r2", "r3"):
-        team.take(scores["team"][robot])
-        central.take(scores["central"][robot])
-    assert team.rmse < 1.4 * central.rmse
-    assert team.coverage() >= 0.88
-
-
 @pytest.mark.parametrize("has_gps", [True, False])
 def test_a_robot_whose_wheels_measure_nothing_leads_nobody_away(has_gps: bool) -> None:
     """It was sure that it stood, and so its team was, or its mates: they were up to 8 m off, in 95 % regions that held .33."""
@@ -46,13 +36,21 @@ def test_a_robot_whose_wheels_measure_nothing_leads_nobody_away(has_gps: bool) -
 
 
 @pytest.mark.parametrize(
-    ("wrong", "times"), [({"askew": 0.2}, 1.4), ({"less": (0.7, 1.0)}, 1.5)], ids=["askew", "short ways"]
+    ("seed", "wrong", "times", "covered"),
+    [
+        (9802, {"longer": 1.1}, 1.4, 0.88),
+        (2, {"askew": 0.2}, 1.4, 0.9),
+        (2, {"less": (0.7, 1.0)}, 1.5, 0.9),
+    ],
+    ids=["long ranges", "askew", "short ways"],
 )
-def test_sensors_that_are_far_from_what_robots_were_told_are_found_out(wrong: dict[str, Any], times: float) -> None:
-    """Robots were 1.8 to 1.9 times as far off as one filter with the true models; 95 % regions held .75 to .78 of the truth."""
-    scores, team, central = Grounds(Ground(2), **wrong).play(40.0), Score(), Score()
+def test_sensors_that_are_far_from_what_robots_were_told_are_found_out(
+    seed: int, wrong: dict[str, Any], times: float, covered: float
+) -> None:
+    """Robots were up to 4.2 times as far off as one filter with the true models; 95 % regions held .75 to .78 of the truth."""
+    scores, team, central = Grounds(Ground(seed), **wrong).play(40.0), Score(), Score()
     for robot in ("r1", "r2", "r3"):
         team.take(scores["team"][robot])
         central.take(scores["central"][robot])
     assert team.rmse < times * central.rmse
-    assert team.coverage() >= 0.9
+    assert team.coverage() >= covered

@@ -31,38 +31,51 @@ def call(*arguments: str) -> None:
     command(*bound.args, **bound.kwargs)
 
 
-def scenario(folder: Path, drifts: str, world: str) -> str:
+def scenario(folder: Path, text: str) -> str:
     file = folder / "mine.toml"
-    file.write_text(f"[board]\nobjects_drifts = {{ {drifts} }}\n{world}")
+    file.write_text(text)
     return str(file)
 
 
+def drifts(text: str, world: str = OBJECTS) -> str:
+    return f"[board]\nobjects_drifts = {{ {text} }}\n{world}"
+
+
+RULES = '[board.subjects."object/bal"]\nindependence = 1\n[board.subjects."object/*"]\ngate = 3\n'
+
+
 @pytest.mark.parametrize(
-    ("drifts", "world", "wrong", "cure"),
+    ("text", "wrong", "cure"),
     [
-        ("can = 0.1, cn = 0.1", OBJECTS, "cn", "; did you mean can?; it has ball, can"),
-        ("zzz = 0.1", OBJECTS, "zzz", "; it has ball, can"),
-        ("cn = 0.1", "", "cn", "; did you mean can?; it has ball, can"),  # the objects that a world has by itself
-        ("can = 0.1", "[world]\nobjects = {}\n", "can", "; it has none"),
+        (drifts("can = 0.1, cn = 0.1"), "objects_drifts.cn", "; did you mean can?; it has ball, can"),
+        (drifts("zzz = 0.1"), "objects_drifts.zzz", "; it has ball, can"),
+        # the objects that a world has by itself
+        (drifts("cn = 0.1", ""), "objects_drifts.cn", "; did you mean can?; it has ball, can"),
+        (drifts("can = 0.1", "[world]\nobjects = {}\n"), "objects_drifts.can", "; it has none"),
+        (RULES, "subjects.object/bal", "; did you mean ball?; it has ball, can"),
     ],
 )
-def test_the_drift_of_an_object_that_the_world_does_not_have_is_told_in_one_line(
-    drifts: str, world: str, wrong: str, cure: str, tmp_path: Path, started: list[str], caplog: pytest.LogCaptureFixture
+def test_the_drift_or_rule_of_an_object_that_the_world_does_not_have_is_told_in_one_line(
+    text: str, wrong: str, cure: str, tmp_path: Path, started: list[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    file = scenario(tmp_path, drifts, world)
+    file = scenario(tmp_path, text)
     call("up", file, "--json")
-    assert caplog.messages == [f"{file}: board.objects_drifts.{wrong}: the world has no such object{cure}"]
+    assert caplog.messages == [f"{file}: board.{wrong}: the world has no such object{cure}"]
     assert started == ["team"]  # a robot may report what is not of this world
 
 
-def test_the_drift_of_an_object_of_the_world_is_taken(tmp_path: Path, started: list[str]) -> None:
-    call("up", scenario(tmp_path, "can = 0.1", OBJECTS), "--json")
+@pytest.mark.parametrize("text", [drifts("can = 0.1"), "[board]\nmax_age = 2\n"])
+def test_an_object_of_the_world_and_a_short_memory_of_robots_without_a_budget_are_no_mistake(
+    text: str, tmp_path: Path, started: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    call("up", scenario(tmp_path, text), "--json")
     assert started == ["team"]
+    assert caplog.messages == []
 
 
 def test_a_recording_names_no_objects_and_a_board_alone_reads_no_world(tmp_path: Path, started: list[str]) -> None:
-    call("up", scenario(tmp_path, "box = 0.1", f"[world]\nkind = 'mrclam'\ndir = '{tmp_path}'\n"), "--json")
-    call("serve", "--sub-team", "a", "--scenario", scenario(tmp_path, "cn = 0.1", OBJECTS))
+    call("up", scenario(tmp_path, drifts("box = 0.1", f"[world]\nkind = 'mrclam'\ndir = '{tmp_path}'\n")), "--json")
+    call("serve", "--sub-team", "a", "--scenario", scenario(tmp_path, drifts("cn = 0.1")))
     assert started == ["team", "board-a"]
 
 
@@ -86,30 +99,11 @@ def test_a_recording_names_no_objects_and_a_board_alone_reads_no_world(tmp_path:
 def test_names_and_times_that_do_not_fit_together_are_told_in_one_line(
     text: str, cure: str, tmp_path: Path, started: list[str]
 ) -> None:
-    file = tmp_path / "mine.toml"
-    file.write_text(text)
+    file = scenario(tmp_path, text)
     with pytest.raises(UserError) as error:
-        call("up", str(file), "--json")
+        call("up", file, "--json")
     assert str(error.value).startswith(f"{file}: {cure}")
     assert started == []
-
-
-def test_the_rule_of_an_object_that_the_world_does_not_have_is_told_in_one_line(
-    tmp_path: Path, started: list[str], caplog: pytest.LogCaptureFixture
-) -> None:
-    file = tmp_path / "mine.toml"
-    file.write_text('[board.subjects."object/bal"]\nindependence = 1\n[board.subjects."object/*"]\ngate = 3\n')
-    call("up", str(file), "--json")
-    line = "board.subjects.object/bal: the world has no such object; did you mean ball?; it has ball, can"
-    assert caplog.messages == [f"{file}: {line}"]
-    assert started == ["team"]
-
-
-def test_a_short_memory_is_no_mistake_where_robots_have_no_budget(tmp_path: Path, started: list[str]) -> None:
-    file = tmp_path / "mine.toml"
-    file.write_text("[board]\nmax_age = 2\n")
-    call("up", str(file), "--json")
-    assert started == ["team"]
 
 
 def test_a_process_of_a_sub_team_that_its_scenario_lacks_says_so_and_starts(

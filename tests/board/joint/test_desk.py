@@ -160,22 +160,16 @@ def test_who_sees_an_object_at_two_places_is_told_as_two_camps() -> None:
     assert sorted(camp.sources for camp in ball.camps) == [["r1"], ["r2"]]
 
 
-def test_of_a_robot_whose_odometry_is_not_believed_that_is_told() -> None:
+def test_of_a_robot_whose_odometry_is_not_believed_and_whose_sensors_err_by_more_than_it_was_told_that_is_told() -> (
+    None
+):
     desk = new_desk()
     settled(desk, 0, r1=at(10, 10), r2=at(20, 10))
     desk.team.distrust.begin("robot/r1")
-    consensuses = settled(desk, 1, r1=at(10, 10), r2=at(20, 10))
-    told = {subject: consensus.parameters.get("odometry distrusted") for subject, consensus in consensuses.items()}
-    assert told == {"robot/r1": 1.0, "robot/r2": None}
-
-
-def test_of_a_robot_whose_sensors_err_by_more_than_it_was_told_that_is_told() -> None:
-    desk = new_desk()
-    settled(desk, 0, r1=at(10, 10), r2=at(20, 10))
     desk.team.widened["robot/r1"] = (FORWARD,)
-    consensuses = settled(desk, 1, r1=at(10, 10), r2=at(20, 10))
-    told = {subject: found_in(consensus.parameters) for subject, consensus in consensuses.items()}
-    assert told == {"robot/r1": {"way scale found": pytest.approx(1.0)}, "robot/r2": {}}
+    told = {robot: of.parameters for robot, of in settled(desk, 1, r1=at(10, 10), r2=at(20, 10)).items()}
+    assert [one.get("odometry distrusted") for one in told.values()] == [1.0, None]
+    assert [found_in(one) for one in told.values()] == [{"way scale found": pytest.approx(1.0)}, {}]
 
 
 def test_what_is_kept_is_bounded() -> None:
