@@ -87,16 +87,16 @@ class ZenohFlags:
         return LinkConfig(**(settings | changes))  # type: ignore[arg-type]
 
 
-class Stop:
+class Stop(threading.Event):
     """A flag that the first SIGINT or SIGTERM sets; the loop looks at it, so that the process ends in order.
 
     One that has not ended after `within` seconds (None: it may take its time) ends at once, with the status `STOPPED`.
     """
 
     def __init__(self, within: float | None = None) -> None:
-        self._event = threading.Event()
+        super().__init__()
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: self._event.set())
+            signal.signal(number, lambda *_: self.set())
         if within is not None:
             told, tell = os.pipe()
             os.set_blocking(tell, False)
@@ -105,10 +105,7 @@ class Stop:
             threading.Thread(target=_end, args=(told, within), daemon=True).start()
 
     def __call__(self) -> bool:
-        return self._event.is_set()
-
-    def wait(self, seconds: float) -> bool:
-        return self._event.wait(seconds)
+        return self.is_set()
 
 
 def _end(told: int, within: float) -> None:

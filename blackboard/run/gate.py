@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol, TextIO, cast
+from typing import TextIO, cast
 
 from blackboard.access.denials import LEVELS, DenialReader
 from blackboard.access.doorkeeper import Doorkeeper, common_names
@@ -26,15 +26,7 @@ LOOK = 0.25  # seconds between two looks at what was denied
 AWAITED = 20.0  # seconds within which Zenoh says that its access control is on, also on a machine that is slow
 
 
-class StopFlag(Protocol):
-    """What is needed of `blackboard.run.door.Stop`."""
-
-    def __call__(self) -> bool: ...
-
-    def wait(self, seconds: float) -> bool: ...
-
-
-def keep_door(config: LinkConfig, stop: StopFlag, ready: Callable[[], object]) -> None:
+def keep_door(config: LinkConfig, stop: threading.Event, ready: Callable[[], object]) -> None:
     """Run a router with mutual TLS and access control until it is stopped; `ready` is called once it serves.
 
     UserError: the directory of keys has no certificate for a router.
@@ -44,7 +36,7 @@ def keep_door(config: LinkConfig, stop: StopFlag, ready: Callable[[], object]) -
     known = common_names(identity.settings().get("access_control", {"subjects": []}))
     keeper, clock = Doorkeeper(known, identity.member.team), UnixClock()
     listening = _Listening(keeper)
-    with Link(config, "router", stopped=stop) as link:
+    with Link(config, "router", stopped=stop.is_set) as link:
         for envelope in keeper.greet():
             link.send(envelope)
         ready()

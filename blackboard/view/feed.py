@@ -27,30 +27,14 @@ class FeedLink(Protocol):
     def get(self, key_expr: str) -> list[Envelope]: ...
 
 
-class Source(Protocol):
-    """What comes in, of a link or of a tape. `receive` may be called in another thread than the rest."""
-
-    fold: Fold
-    done: bool | None  # whether a tape is read to its end; None of a running team
-    skipped: int  # envelopes that were left out because more came than could be taken in
-
-    @property
-    def now(self) -> float:
-        """Unix seconds; of a tape those at which it was recorded."""
-
-    def receive(self) -> Sequence[tuple[float, Envelope]]: ...
-
-    def hear_envelopes(self, envelopes: Sequence[tuple[float, Envelope]]) -> None: ...
-
-
 class Feed:
     """Subscribes to everything of a team (`*`: of all teams) in one subscription, which keeps each sender's order; sends nothing."""
 
-    done: bool | None = None
+    done: bool | None = None  # whether a tape is read to its end; None of a running team
 
     def __init__(self, link: FeedLink, now: Callable[[], float], team: str = "*") -> None:
         self.fold = Fold()
-        self.skipped = 0
+        self.skipped = 0  # envelopes that were left out because more came than could be taken in
         self._link, self._clock = link, now
         key_expr = f"cop/{team}/**"
         link.watch(key_expr)
@@ -88,7 +72,7 @@ class TapeFeed:
 
     def __init__(self, envelopes: Iterator[tuple[float, Envelope]]) -> None:
         self.fold = Fold(most_bytes=TAPE_BYTES)
-        self.now = 0.0
+        self.now = 0.0  # Unix seconds
         self.skipped = 0
         self.done: bool | None = False
         self._envelopes = envelopes
@@ -102,6 +86,10 @@ class TapeFeed:
         for at, envelope in envelopes:
             self.now = at
             self.fold.hear_envelope(envelope, at)
+
+
+#: What comes in, of a link or of a tape. `receive` may be called in another thread than the rest.
+Source = Feed | TapeFeed
 
 
 def newest(envelopes: Sequence[Envelope]) -> list[Envelope]:
