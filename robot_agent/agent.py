@@ -104,12 +104,7 @@ class Agent:
     """One robot: `tick` takes readings and the agreed beliefs that have arrived, and returns what to report."""
 
     def __init__(
-        self,
-        robot: str,
-        settings: RobotSection,
-        grid: Grid,
-        feedback: Feedback = "guarded",
-        untold: Untold = ALL_TOLD,
+        self, robot: str, settings: RobotSection, grid: Grid, feedback: Feedback = "guarded", untold: Untold = ALL_TOLD
     ) -> None:
         """`untold` is its unmeasured motion before."""
         self.robot, self.subject = robot, f"robot/{robot}"

@@ -28,12 +28,5 @@ def coarser(belief: Belief, packed: PackedBelief, step: float, reach: float) -> 
     inside = levels[tuple(slice(a, a + n) for a, n in zip(lo, box, strict=True))]
     rest = float(np.float32(min(1.0, p[levels == 0].sum())))
     return packed.model_copy(
-        update={
-            "lo": lo,
-            "box": box,
-            "coding": "log8",
-            "step": step,
-            "rest": rest,
-            "data": written(inside.ravel()),
-        }
+        update={"lo": lo, "box": box, "coding": "log8", "step": step, "rest": rest, "data": written(inside.ravel())}
     )

@@ -255,19 +255,11 @@ def sensors_in(scenario: Scenario, robot: str) -> Sensors:
     configured = sensors_of(settings)
     seen, told = VisionSection() == settings.vision, "odometry" in table_of(scenario, robot)
     wheels = wheels_of(settings.odometry, settings.ranging.scale) if told else UNKNOWN_WHEELS
-    return replace(
-        configured,
-        wheels=replace(wheels, bends=BENDS),
-        camera=Camera() if seen else configured.camera,
-    )
+    return replace(configured, wheels=replace(wheels, bends=BENDS), camera=Camera() if seen else configured.camera)
 
 
 def driven(
-    news: Callable[[Cue | Message, float], None],
-    scenario: Scenario | None,
-    *,
-    robot: str,
-    **arguments: Any,
+    news: Callable[[Cue | Message, float], None], scenario: Scenario | None, *, robot: str, **arguments: Any
 ) -> Driven:
     """A robot by a scenario, if there is one; `arguments` are the others of `AgentService`. UserError: a mistake in the scenario."""
     told = Scenario({}) if scenario is None else scenario

@@ -25,11 +25,7 @@ class LazyLikelihood:
 
 
 def gaussian_evidence(
-    likelihood: Callable[[Window], Array],
-    grid: Grid,
-    mean: Sequence[float],
-    covariance: Array,
-    floor: float = 0.0,
+    likelihood: Callable[[Window], Array], grid: Grid, mean: Sequence[float], covariance: Array, floor: float = 0.0
 ) -> LazyLikelihood:
     """The likelihood exp(-d^T C^-1 d / 2) at the displacements d of the cells from `mean` (unit); C is the `covariance`, (2, 2)."""
     d = []  # from the mean to the nearest cell

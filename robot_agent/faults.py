@@ -62,8 +62,7 @@ class FaultyRobot(AgentService):
                 }
                 subjects = [subject for subject in subjects if subject not in lost]
             return Envelope(
-                envelope.key,
-                encode(status.model_copy(update={"time": status.time + skew, "subjects": subjects})),
+                envelope.key, encode(status.model_copy(update={"time": status.time + skew, "subjects": subjects}))
             )
         return envelope
 

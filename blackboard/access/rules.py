@@ -127,13 +127,7 @@ def access_control(members: Iterable[CertificateHolder]) -> dict[str, Any]:
         subjects.append({"id": member.who, "cert_common_names": [member.common_name]})
         wants = [] if member.kind in ("router", "link") else ["wants"]
         policies.append({"rules": [*wants, *(rule["id"] for rule in mine)], "subjects": [member.who]})
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
-    }
+    return {"enabled": True, "default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies}
 
 
 def _rules(member: CertificateHolder) -> list[dict[str, Any]]:

@@ -211,11 +211,7 @@ def _fused(given: _Weighed, grid: Grid, counts: Callable[[str], bool]) -> Fusion
 
 
 def _alone(
-    only: Opinion,
-    rule: Rule,
-    counts: Callable[[str], bool],
-    power: float = 1.0,
-    learned: Sequence[Learned] = (),
+    only: Opinion, rule: Rule, counts: Callable[[str], bool], power: float = 1.0, learned: Sequence[Learned] = ()
 ) -> Fusion:
     """The only opinion about a subject, to its power: what a coalition makes of it, without asking what is true of one opinion."""
     grid, one = only.belief.grid, only.belief.p[np.newaxis]

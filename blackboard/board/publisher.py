@@ -28,13 +28,7 @@ class Publisher:
     """Envelopes of what a board settles, and of its status. `now` is Unix time in seconds."""
 
     def __init__(
-        self,
-        participants: Participants,
-        grid: Grid,
-        settings: BoardSection,
-        lead: Lead,
-        clocks: Clocks,
-        intake: Intake,
+        self, participants: Participants, grid: Grid, settings: BoardSection, lead: Lead, clocks: Clocks, intake: Intake
     ) -> None:
         self.participants, self.lead, self.clocks, self.intake = participants, lead, clocks, intake
         self._learns = settings.learns
@@ -80,11 +74,7 @@ class Publisher:
         else:
             self.handover.agreed_at = tick, time
         self.intake.counters["settled"] += len(settled)
-        update = {
-            "phase": level,
-            "subjects": [c.subject for c in settled],
-            **self.board.believed(),
-        }
+        update = {"phase": level, "subjects": [c.subject for c in settled], **self.board.believed()}
         status = self._of_tick(tick, time).model_copy(update=update)
         if not out and self.clocks.differ:
             # Without a world no process waits for the status of a phase, so an empty one is left to the status of each second.

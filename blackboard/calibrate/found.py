@@ -82,10 +82,7 @@ class FoundTeam:
 
 
 def calibrated(
-    drives: Drives,
-    track: float,
-    others: Mapping[str, Noise],
-    show: Callable[[int, int], None] | None = None,
+    drives: Drives, track: float, others: Mapping[str, Noise], show: Callable[[int, int], None] | None = None
 ) -> FoundTeam:
     """Fit the first half, and score the second by what was found and by `others`, which know no lasting errors.
 

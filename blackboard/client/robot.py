@@ -132,11 +132,7 @@ class Robot(Membership):
         self._tell(compass=(known.angle("heading", heading), known.sigma("sigma", sigma)))
 
     def fix(
-        self,
-        position: npt.ArrayLike,
-        sigma: float,
-        heading: float | None = None,
-        heading_sigma: float | None = None,
+        self, position: npt.ArrayLike, sigma: float, heading: float | None = None, heading_sigma: float | None = None
     ) -> None:
         """Where the robot is in the team's frame, as of GPS, or where it starts.
 

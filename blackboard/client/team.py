@@ -15,12 +15,7 @@ class Team(Membership):
 
     def _made(self, grid: Grid, news: TeamNews) -> Member:
         self._member = Member(
-            team=self.name,
-            sub_teams=self.sub_teams,
-            robot=self.robot,
-            grid=grid,
-            settings=self._settings,
-            news=news,
+            team=self.name, sub_teams=self.sub_teams, robot=self.robot, grid=grid, settings=self._settings, news=news
         )
         return self._member
 

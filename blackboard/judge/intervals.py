@@ -62,11 +62,7 @@ def shown(estimate: Mapping[str, Any], places: int = 3, sign: str = "", without:
 
 def student(freedom: int) -> float:
     """Student's t, two-sided 95 %, within 1 % from 3 degrees of freedom on (Abramowitz and Stegun 1964, 26.7.5)."""
-    terms = (
-        (Z**3 + Z) / 4,
-        (5 * Z**5 + 16 * Z**3 + 3 * Z) / 96,
-        (3 * Z**7 + 19 * Z**5 + 17 * Z**3 - 15 * Z) / 384,
-    )
+    terms = ((Z**3 + Z) / 4, (5 * Z**5 + 16 * Z**3 + 3 * Z) / 96, (3 * Z**7 + 19 * Z**5 + 17 * Z**3 - 15 * Z) / 384)
     return Z + sum(term / float(freedom) ** n for n, term in enumerate(terms, start=1))
 
 

@@ -131,14 +131,7 @@ class Referee:
             elif name in sub_team_of and name not in self.faulty:
                 self._motions.judge_subject(instant, sub_team_of[name], subject)
 
-    def _sample(
-        self,
-        instant: Instant,
-        robot: str,
-        sub_team: str,
-        subject: str,
-        known: Known,
-    ) -> None:
+    def _sample(self, instant: Instant, robot: str, sub_team: str, subject: str, known: Known) -> None:
         scored = {}
         for level in LEVELS:
             packed = instant.belief(level, robot, sub_team, subject)

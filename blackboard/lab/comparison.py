@@ -122,10 +122,7 @@ def report(situations: Mapping[str, dict[str, RuleScores]], rng: np.random.Gener
             "runs": len(set(scores[DEFAULT_NAME].runs)),
             "cases": len(scores[DEFAULT_NAME].runs),
             "rules": {
-                name: {
-                    **{c: asdict(e) for c, e in row.items()},
-                    "failed": scores[name].failed,
-                }
+                name: {**{c: asdict(e) for c, e in row.items()}, "failed": scores[name].failed}
                 for name, row in rows.items()
             },
             "best": {column: _best(column, rows) for column in COLUMNS},

@@ -107,11 +107,7 @@ def choose(scores: CandidateScores, coverage: float, cell: float, rng: np.random
         values = np.array([getattr(setting, name) for setting in drawn])
         low, high = (float(v) for v in np.quantile(values, (0.025, 0.975), method="nearest"))
         few = len(scores.cases) < FEWEST
-        intervals[name] = {
-            "value": getattr(chosen, name),
-            "low": None if few else low,
-            "high": None if few else high,
-        }
+        intervals[name] = {"value": getattr(chosen, name), "low": None if few else low, "high": None if few else high}
     i = settings.index(chosen)
     share = float(scores.covered[:, i].sum() / scores.cases.sum())
     return {

@@ -49,10 +49,7 @@ def tuned(
         "recommended": {"which": which, "why": why, **judged[which].in_force()},
         "board": board_table(judged[which]),
         "held_out": {
-            name: {
-                "rule": of_rule.in_force,
-                **{column: asdict(e) for column, e in estimates(of_rule, rng).items()},
-            }
+            name: {"rule": of_rule.in_force, **{column: asdict(e) for column, e in estimates(of_rule, rng).items()}}
             for name, of_rule in scores.items()
         },
         "gain_over_default": asdict(over_default),

@@ -34,16 +34,7 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.opinion.rules import Pooled, Rule, returned
 from blackboard.opinion.vectors import TOLERANCE, checked
 
-__all__ = [
-    "POOLS",
-    "Pool",
-    "chernoff",
-    "cooperative_pool",
-    "fuse",
-    "fuse_belief",
-    "linear_pool",
-    "logarithmic_pool",
-]
+__all__ = ["POOLS", "Pool", "chernoff", "cooperative_pool", "fuse", "fuse_belief", "linear_pool", "logarithmic_pool"]
 
 Pool = Callable[..., Array]
 

@@ -6,10 +6,7 @@ LEAST_LAST = 12  # characters that the last column keeps before another one fall
 
 
 def columns(
-    rows: Sequence[Sequence[str]],
-    width: int | None = None,
-    fall: Sequence[str] = (),
-    numbers: Container[int] = (),
+    rows: Sequence[Sequence[str]], width: int | None = None, fall: Sequence[str] = (), numbers: Container[int] = ()
 ) -> list[str]:
     """A line for each row, the cells of each column under each other; the first row has their names.
 

@@ -52,12 +52,7 @@ tape.command(
 )
 
 
-def record(
-    file: Path,
-    *,
-    which: MemberFlags = MemberFlags(),
-    flags: door.ZenohFlags = door.ZenohFlags(),
-) -> int:
+def record(file: Path, *, which: MemberFlags = MemberFlags(), flags: door.ZenohFlags = door.ZenohFlags()) -> int:
     """Record every message and token of a running team onto a tape, until a signal comes.
 
     The scenario is kept on the tape, for replays.

@@ -32,11 +32,7 @@ class TeamSource:
     which: WhichTeam = field(default=WhichTeam(), kw_only=True)
 
     def open(
-        self,
-        flags: door.ZenohFlags,
-        name: str,
-        patience: float = PATIENCE,
-        stopped: Callable[[], bool] = lambda: False,
+        self, flags: door.ZenohFlags, name: str, patience: float = PATIENCE, stopped: Callable[[], bool] = lambda: False
     ) -> "Taped | Running":
         """The team, as a context manager: a tape, or one to which `name` connects within `patience` seconds when it is entered.
 

@@ -89,11 +89,7 @@ def report(
     if size:
         packed = packed.model_copy(update={"data": bytes(size)})
     message = Report(
-        source=source,
-        subject="object/ball",
-        tick=tick,
-        time=0.2 * tick if time is None else time,
-        belief=packed,
+        source=source, subject="object/ball", tick=tick, time=0.2 * tick if time is None else time, belief=packed
     )
     return put(message)
 

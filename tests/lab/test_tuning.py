@@ -49,10 +49,7 @@ def candidate(log_scores: list[float], shares: list[float], runs: int = 6) -> Ca
     scores, covered = np.full(n, -9.0), np.zeros(n)
     scores[: len(log_scores)], covered[: len(shares)] = log_scores, shares
     return CandidateScores(
-        "coalition",
-        np.tile(scores * 10, (runs, 1)),
-        np.tile(covered * 10, (runs, 1)),
-        np.full(runs, 10.0),
+        "coalition", np.tile(scores * 10, (runs, 1)), np.tile(covered * 10, (runs, 1)), np.full(runs, 10.0)
     )
 
 

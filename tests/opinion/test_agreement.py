@@ -7,12 +7,7 @@ import pytest
 from hypothesis import given
 
 from blackboard import Grid, cooperative_pool, linear_pool
-from blackboard.opinion.agreement import (
-    bhattacharyya_coefficient,
-    coefficients,
-    conflict,
-    kullback_leibler,
-)
+from blackboard.opinion.agreement import bhattacharyya_coefficient, coefficients, conflict, kullback_leibler
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Array
 from tests.opinion.stacks import few, make, stacks

@@ -7,16 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard.process.roster import Roster
-from blackboard.process.team_clock import (
-    CLOCKLESS,
-    STOPPED,
-    WORLD_SILENT,
-    ClockEvent,
-    News,
-    Pace,
-    State,
-    TeamClock,
-)
+from blackboard.process.team_clock import CLOCKLESS, STOPPED, WORLD_SILENT, ClockEvent, News, Pace, State, TeamClock
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock

@@ -159,11 +159,7 @@ PAYLOADS = st.deferred(lambda: st.sampled_from([envelope.payload for envelope, _
 @settings(max_examples=15)
 @given(
     st.lists(
-        st.tuples(
-            KEYS | st.text(max_size=30),
-            PAYLOADS | st.binary(max_size=40),
-            st.sampled_from(list(Kind)),
-        ),
+        st.tuples(KEYS | st.text(max_size=30), PAYLOADS | st.binary(max_size=40), st.sampled_from(list(Kind))),
         max_size=40,
     )
 )

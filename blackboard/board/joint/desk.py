@@ -62,12 +62,7 @@ class JointDesk:
     """
 
     def __init__(
-        self,
-        grid: Grid,
-        settings: BoardSection,
-        counters: Counter[str],
-        ageing: Ageing,
-        settle: Settle = settle_alone,
+        self, grid: Grid, settings: BoardSection, counters: Counter[str], ageing: Ageing, settle: Settle = settle_alone
     ) -> None:
         self.grid, self.settings, self._ageing = grid, settings, ageing
         self.team = self._begun()

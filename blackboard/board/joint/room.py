@@ -44,8 +44,7 @@ class ObjectRoom:
         several = [name for name, seen in self._objects.items() if len(seen) > 1]
         known -= set(several[MAX_OBJECTS:])
         return replace(
-            evidence,
-            relatives=tuple(relative for relative in evidence.relatives if relative.subject in known | others),
+            evidence, relatives=tuple(relative for relative in evidence.relatives if relative.subject in known | others)
         )
 
     def _forget(self, oldest: float) -> None:

@@ -67,11 +67,7 @@ def _bound(host: str, port: int) -> socket.socket:
 
 
 async def _serve(
-    page: Page,
-    app: Starlette,
-    listening: socket.socket,
-    stopped: Callable[[], bool],
-    ready: Callable[[], None],
+    page: Page, app: Starlette, listening: socket.socket, stopped: Callable[[], bool], ready: Callable[[], None]
 ) -> None:
     config = uvicorn.Config(
         app,

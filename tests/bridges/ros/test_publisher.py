@@ -66,9 +66,7 @@ def test_each_agreed_belief_is_published_once(taped: tuple[list[Envelope], list[
     }
 
 
-def test_robots_have_frames_and_each_hears_where_all_others_are(
-    taped: tuple[list[Envelope], list[Consensus]],
-) -> None:
+def test_robots_have_frames_and_each_hears_where_all_others_are(taped: tuple[list[Envelope], list[Consensus]]) -> None:
     out, agreed = taped
     newest = {consensus.subject: consensus for consensus in agreed if consensus.subject.startswith("robot/")}
     last = of(out, "tf", TRANSFORMS)[-1].transforms
