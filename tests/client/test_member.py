@@ -171,9 +171,8 @@ def hole() -> Belief:
 def test_it_refuses_what_a_board_would_and_says_nothing(reason: str, given: dict[str, object]) -> None:
     robot = One(grid=replace(GRID, frame="map"))
     robot.report()
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match=f"^{reason}:"):
         robot.report(**given)
-    assert refusal.value.reason == reason
     (status,) = opened(robot.member.wake(NOW + 1))
     assert isinstance(status, Status)
     assert (status.tick, status.subjects) == (1000 * NOW, ["robot/r1"])  # of the report that was taken

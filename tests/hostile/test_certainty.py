@@ -10,6 +10,7 @@ from blackboard.config import Scenario, load
 from blackboard.wire.evidence import PackedEvidence, PackedIncrement, PackedState
 from blackboard.wire.messages import Report
 from tests.hostile.attack import Attack, report_key
+from tests.present import present
 
 pytestmark = pytest.mark.hostile
 
@@ -30,8 +31,7 @@ def packed(matrix: np.ndarray) -> tuple[float, ...]:
 
 
 def off(evidence: PackedEvidence, cells: float) -> tuple[float, ...]:
-    assert evidence.state is not None
-    x, *rest = evidence.state.mean
+    x, *rest = present(evidence.state).mean
     return (x + cells, *rest)
 
 
@@ -56,8 +56,7 @@ def test_who_claims_to_be_certain_counts_for_no_more_than_its_share(lie: Any) ->
     attack = Attack(DEMO)
 
     def change(said: Report) -> list[tuple[str, Report]]:
-        assert said.evidence is not None
-        return [(key, said.model_copy(update={"evidence": lie(said.evidence, said.time)}))]
+        return [(key, said.model_copy(update={"evidence": lie(present(said.evidence), said.time)}))]
 
     key = report_key("r2", "robot/r2")
     attack.instead(key, change)

@@ -14,6 +14,7 @@ from blackboard.opinion.scores import Score
 from blackboard.wire.arrays import pack
 from tests.holdings import holdings
 from tests.judge.instants import at, both, cells, new_instant, solo
+from tests.present import present
 
 GRID = Grid((40, 40))
 CALM = {"robots": 9.0, "entropy": 9.0, "coverage": 0.0}  # the other checks
@@ -125,9 +126,7 @@ def judged(error: float, claimed: float, blocks: int, *, seed: int = 1, correlat
 
 
 def width(share: Estimate) -> float:
-    assert share.low is not None
-    assert share.high is not None
-    return share.high - share.low
+    return present(share.high) - present(share.low)
 
 
 def test_who_errs_far_more_than_it_claims_is_found_out_and_who_claims_right_is_not() -> None:

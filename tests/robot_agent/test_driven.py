@@ -104,8 +104,7 @@ def test_what_wheels_make_of_a_step_is_what_they_make_of_its_pieces(
     """A turn on the spot and then a straight way were taken for a curve, on which wheels may turn 0.6 of what they are told."""
     wheels = replace(Wheels(), curved=scales[0], driven=scales[1])
     told = [Odometry(distance=distance, turn=turn, dt=0.1) for distance, turn in pieces]
-    whole = reduce(SinceStep.plus, map(SinceStep, told), SinceStep()).odometry
-    assert whole is not None
+    whole = present(reduce(SinceStep.plus, map(SinceStep, told), SinceStep()).odometry)
     motion, apart = wheels.motion(whole, None), reduce(Motion.plus, (wheels.motion(piece, None) for piece in told))
     for name in ("turn", "driven"):
         assert getattr(motion, name) == pytest.approx(getattr(apart, name), abs=1e-9)
@@ -115,8 +114,7 @@ def test_what_wheels_make_of_a_step_is_what_they_make_of_its_pieces(
 def test_a_step_leads_to_where_its_pieces_led(pieces: list[tuple[float, float, float]]) -> None:
     """A turn and then a straight way were taken for a curve: at 2 Hz a robot was 2 times as far off as by one filter of all."""
     told = [Odometry(distance=distance, turn=turn, dt=0.1, aside=aside) for distance, turn, aside in pieces]
-    whole = reduce(SinceStep.plus, map(SinceStep, told), SinceStep()).odometry
-    assert whole is not None
+    whole = present(reduce(SinceStep.plus, map(SinceStep, told), SinceStep()).odometry)
     at = {}
     for name, steps in (("whole", [whole]), ("apart", told)):
         joint = Joint()
@@ -350,10 +348,8 @@ def test_what_was_extrapolated_and_what_came_late_lead_to_where_the_odometry_lea
         extrapolated = extrapolated.after(pieces.odometry if is_told else None, 0.1 * number)
         given = given.plus(SinceStep(extrapolated.odometry))
         told, pieces = (told.plus(pieces), SinceStep()) if is_told else (told, pieces)
-    assert told.odometry is not None
-    assert given.odometry is not None
     for name in ("distance", "turn", "aside", "dt"):
-        assert getattr(given.odometry, name) == pytest.approx(getattr(told.odometry, name), abs=1e-6)
+        assert getattr(present(given.odometry), name) == pytest.approx(getattr(present(told.odometry), name), abs=1e-6)
 
 
 @given(

@@ -58,8 +58,7 @@ def test_it_reports_itself_what_it_saw_and_its_evidence() -> None:
         assert set(solo.beliefs) == {"robot/r1", "object/ball"}, "a mate is for the mate itself to judge"
         assert all(r.ancestors == {"r1": 0.5 * tick} and r.informed is None for r in reports)
         assert reported["object/ball"].evidence is None
-        evidence = reported["robot/r1"].evidence
-        assert evidence is not None
+        evidence = present(reported["robot/r1"].evidence)
         assert evidence.state is not None
         assert evidence.travelled.distance == pytest.approx(0.5 * tick)
         assert [relative.subject for relative in evidence.relatives] == ["object/ball", "robot/r2"]
@@ -76,8 +75,7 @@ def test_every_sighting_of_a_class_is_evidence_and_nobody_is_placed_by_it() -> N
     taken = readings(0, unnamed_mate, MATE, unnamed_mate, fix=(10, 10)).model_copy(update={"seen": [other]})
     reported = by_subject(new_agent().tick(taken, {})[0])
     assert set(reported) == {"robot/r1", "robot/r2"}
-    evidence = reported["robot/r1"].evidence
-    assert evidence is not None
+    evidence = present(reported["robot/r1"].evidence)
     unnamed = [
         (relative.subject, relative.mark, relative.confidence)
         for relative in evidence.relatives

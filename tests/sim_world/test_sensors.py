@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from blackboard.config.world import GAINS, WorldOdometrySection, WorldVisionSection
 from sim_world.sensors import Odometer, see, vision_sigma
+from tests.present import present
 
 PAPER = WorldVisionSection(preset="paper")
 
@@ -38,9 +39,8 @@ def test_nothing_is_seen_outside_1_to_13_cells(distance: float) -> None:
 @given(distance=st.floats(1.001, 12.999))
 def test_a_camera_has_the_same_shape_and_a_smaller_sigma(distance: float) -> None:
     paper, camera = vision_sigma(distance, floor=1e-9), vision_sigma(distance, GAINS["camera"], 0.5)
-    assert paper is not None
     assert camera is not None
-    assert camera == max(0.5, GAINS["camera"] * paper)
+    assert camera == max(0.5, GAINS["camera"] * present(paper))
     assert 0.5 <= camera <= 3.0
 
 
@@ -72,8 +72,7 @@ def test_a_seen_position_is_off_by_sigma_in_each_coordinate(vision: WorldVisionS
     angles = np.array([heading + s.bearing for s in sightings])
     ranges = np.array([s.range for s in sightings])
     errors = np.stack([x + ranges * np.cos(angles) - place[0], y + ranges * np.sin(angles) - place[1]])
-    sigma = vision_sigma(distance, vision.scale, vision.floor)
-    assert sigma is not None
+    sigma = present(vision_sigma(distance, vision.scale, vision.floor))
     assert np.allclose(errors.std(axis=1), sigma, rtol=0.05)
     assert np.allclose(errors.mean(axis=1), 0, atol=4 * sigma / math.sqrt(4000))
     assert abs(np.corrcoef(errors)[0, 1]) < 0.06

@@ -1,6 +1,7 @@
 """Moments: bounded in number and bytes, and the same when they are old as when they were new."""
 
 from blackboard.state.moments import About, Moment, Timeline
+from tests.present import present
 from tests.view.recorded import team_of
 
 
@@ -25,8 +26,7 @@ def test_an_old_moment_says_what_it_said_when_it_was_new() -> None:
     moments, packed = list(team_of().moments), Timeline()
     for moment in moments:
         packed.add(moment)
-    unpacked = packed.at(moments[0].tick)
-    assert unpacked is not None
+    unpacked = present(packed.at(moments[0].tick))
     assert unpacked is not moments[0]
     assert packed.bytes < sum(
         received.size for about in moments[0].subjects.values() for received in about.all()
@@ -35,6 +35,4 @@ def test_an_old_moment_says_what_it_said_when_it_was_new() -> None:
         again = unpacked.subjects[name]
         assert [received.message for received in again.all()] == [received.message for received in about.all()]
         assert again.scores == about.scores
-        assert again.best is not None
-        assert about.best is not None
-        assert again.best.drawn == about.best.drawn
+        assert present(again.best).drawn == present(about.best).drawn

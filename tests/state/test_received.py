@@ -13,6 +13,7 @@ from blackboard.opinion.grid import Grid
 from blackboard.opinion.scores import hdr_level, region_area
 from blackboard.state.received import DEPTH, STEP, draw
 from blackboard.view.frame import frame
+from tests.present import present
 from tests.view.recorded import read, team_of
 
 GRID = Grid((7, 5), 0.5, (1.0, -2.0))
@@ -52,8 +53,7 @@ def test_a_sharp_and_a_flat_belief_are_drawn() -> None:
 
 def test_a_frame_carries_every_belief_of_the_moment() -> None:
     team = team_of()
-    moment = team.moments.newest
-    assert moment is not None
+    moment = present(team.moments.newest)
     header, cells = read(frame(team, moment, 7, 12.0))
     assert (header["frame"], header["tick"], header["grid"]["shape"]) == (7, moment.tick, [24, 24])
     begin = 0
@@ -67,8 +67,6 @@ def test_a_frame_carries_every_belief_of_the_moment() -> None:
             assert max(levels) == 255
             begin += size
         agreed = next(belief for belief in beliefs if belief["kind"] == "agreed")
-        assert about.best is not None
-        assert about.best.drawn is not None
-        assert agreed["mean"] == pytest.approx(about.best.drawn.mean, rel=1e-4)
+        assert agreed["mean"] == pytest.approx(present(present(about.best).drawn).mean, rel=1e-4)
     assert begin == len(cells)
     assert [process["name"] for process in header["processes"]] == ["world", "board-a", "board-b", "r1", "r2", "r3"]

@@ -14,6 +14,7 @@ from blackboard.tape.player import Part, Player
 from blackboard.tape.replay import Replay, is_consensus, replay
 from blackboard.tape.table import rows
 from blackboard.wire.envelope import Envelope, Kind
+from tests.present import present
 from tests.tape.teams import SMALL, from_tick, recorded_run
 from tests.tape.written import ENVELOPES, written
 
@@ -94,8 +95,7 @@ def test_a_recorder_that_came_late_is_told_and_all_is_the_same_after_a_while(
     again = replay(late)
     matched = match(late.runs[-1], recorded(late), again.output)
     assert again.late == ["a/board-a", "b/board-b"]
-    assert matched.exact_from is not None
-    assert matched.exact_from <= 3
+    assert present(matched.exact_from) <= 3
     assert any("came after the beginning" in line for line in verdict_lines(again, matched))
 
 
@@ -137,8 +137,7 @@ def test_a_player_sends_what_was_recorded_when_it_was_due(
     sent: list[Envelope] = []
     now = 100.0
     while not player.done:
-        due = player.wake_at(now)
-        assert due is not None
+        due = present(player.wake_at(now))
         now = max(now, due)
         sent += player.wake(now)
     assert now - 100.0 <= (tape.envelopes[-1][0] - tape.envelopes[0][0]) / 2 + 1e-6

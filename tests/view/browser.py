@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 from websockets.sync.client import ClientConnection, connect
 
 from blackboard.process.clock import UnixClock
+from tests.present import present
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 FOUND = next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -113,10 +114,8 @@ def browser() -> Iterator[Browser]:
 
 def _port(process: subprocess.Popen[str]) -> int:
     """The port on which the browser says that it listens. AssertionError: it ended before."""
-    assert process.stderr is not None
-    for said in process.stderr:
+    for said in present(process.stderr):
         if "DevTools listening on" in said:
-            port = urlsplit(said.split()[-1]).port
-            assert port is not None
+            port = present(urlsplit(said.split()[-1]).port)
             return port
     raise AssertionError("the browser ended at once")

@@ -13,6 +13,7 @@ import pytest
 from blackboard.view.frame import frame, line
 from blackboard.wire.arrays import unpack
 from tests.files import ROOT
+from tests.present import present
 from tests.view.recorded import team_of, within
 from tests.view.screenshots import of_page
 
@@ -87,8 +88,7 @@ def test_the_peak_is_the_peak_of_what_was_agreed(page: dict[str, Any]) -> None:
     for moment, shown in zip(team_of().moments, page["found"], strict=True):
         assert shown["tick"] == moment.tick
         for name, about in moment.subjects.items():
-            assert about.best is not None
-            p = unpack(about.best.message.belief).p
+            p = unpack(present(about.best).message.belief).p
             assert p[tuple(shown["subjects"][name]["peak"])] == p.max()
 
 
@@ -96,9 +96,7 @@ def test_the_contour_parts_the_cells_inside_from_those_outside(page: dict[str, A
     """Cells clearly denser than the edge of the 95 % region are within the contour, those clearly fainter are not."""
     for moment, shown in zip(team_of().moments, page["found"], strict=True):
         for name, about in moment.subjects.items():
-            assert about.best is not None
-            assert about.best.drawn is not None
-            drawn = about.best.drawn
+            drawn = present(present(about.best).drawn)
             pieces = np.array(shown["subjects"][name]["contour"])
             levels = np.frombuffer(drawn.levels, np.uint8).reshape(drawn.box)
             for i, j in np.ndindex(*drawn.box):

@@ -23,6 +23,7 @@ from textual.pilot import Pilot
 from textual.widgets import Static
 
 from blackboard.view.tui.top import HeatMap, Top
+from tests.present import present
 
 
 def on_a_tape(story: Callable[[Top, Pilot[None]], Coroutine[Any, Any, None]]) -> None:
@@ -81,10 +82,8 @@ def test_keys_pause_step_choose_and_explain() -> None:
         assert said(top, "#why").startswith(f"{first} is believed to be at ")
         before = top.query_one("#map", HeatMap).picture
         await pilot.press("l")
-        after = top.query_one("#map", HeatMap).picture
-        assert before is not None
-        assert after is not None
-        assert not np.array_equal(before.pixels, after.pixels)
+        after = present(top.query_one("#map", HeatMap).picture)
+        assert not np.array_equal(present(before).pixels, after.pixels)
         await pilot.press("w", "space")
         assert top.tick is None
         assert not top.query_one("#why").display
@@ -148,8 +147,7 @@ def test_an_alarm_stays_until_it_was_looked_at() -> None:
 
 
 def test_the_map_has_each_peak_where_it_is_also_when_it_is_small() -> None:
-    moment = team_of().moments.newest
-    assert moment is not None
+    moment = present(team_of().moments.newest)
     grid = Grid((24, 24))
     for rows, columns in ((12, 24), (24, 48), (5, 11)):
         for number, (name, about) in enumerate(moment.subjects.items()):

@@ -211,9 +211,8 @@ def grid_of(**changes: Any) -> dict[str, Any]:
     ],
 )
 def test_hostile_numbers_are_refused(changes: dict[str, Any], reason: str) -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match=f"^{reason}:"):
         unpack(GOOD.model_copy(update=changes), GRID)
-    assert refusal.value.reason == reason
 
 
 @pytest.mark.parametrize("coding", ["log8", "log16"])

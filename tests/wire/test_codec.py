@@ -194,9 +194,8 @@ def test_an_envelope_is_opened_by_its_key(name: str) -> None:
     ],
 )
 def test_a_key_that_no_message_belongs_on(key: str) -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match="^wild-key:"):
         open_envelope(Envelope(key, bytes(MAX_BYTES + 1)))
-    assert refusal.value.reason == "wild-key"
 
 
 @pytest.mark.parametrize(
@@ -215,15 +214,13 @@ def test_a_key_that_no_message_belongs_on(key: str) -> None:
 )
 def test_who_says_otherwise_than_its_key_is_an_impostor(name: str, part: str, other: str) -> None:
     parts, message = EXAMPLES[name]
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match="^impostor:"):
         open_envelope(Envelope(TOPICS[name].key(**{**parts, part: other}), encode(message)))
-    assert refusal.value.reason == "impostor"
 
 
 def test_a_consensus_on_the_key_of_the_other_level_is_an_impostor() -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match="^impostor:"):
         open_envelope(Envelope(TOPICS["agreed"].key(**EXAMPLES["agreed"][0]), encode(CONSENSUS)))
-    assert refusal.value.reason == "impostor"
 
 
 def test_an_envelope_is_opened_once_for_all_who_hear_it_and_refused_by_each() -> None:

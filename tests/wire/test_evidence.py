@@ -152,8 +152,7 @@ def test_a_sighting_of_an_unknown_kind_is_read_and_left_out() -> None:
 
 
 def test_a_pose_is_read_from_a_state_that_is_sound() -> None:
-    pose = pose_of(pack_state(STATE))
-    assert pose is not None
+    pose = present(pose_of(pack_state(STATE)))
     assert np.array_equal(pose.mean, [0.0, 1.0, 2.0])
     assert np.array_equal(pose.covariance, np.diag([1.0, 2.0, 3.0]))
     assert pose_of(None) is None
@@ -174,15 +173,13 @@ def test_scales_by_kind_of_motion_travel_and_a_robot_without_them_sends_none() -
     motion = Motion(1.0, 0.2, 1.0, 1.0, 0.1, 0.1, 0.1, 0.5, 0.2, -0.3, 0.4)
     increment = Increment(block.mean, block.covariance, block.mean)
     packed = pack_evidence(Evidence("robot/r1", 0, 0, motion, wide, block, increment))
-    assert packed.state is not None
-    assert packed.increment is not None
     assert unpack_motion(packed.travelled) == motion
     assert (unpack_nuisance(packed.nuisance).sigmas, unpack_nuisance(packed.nuisance).walks) == (
         wide.sigmas,
         wide.walks,
     )
-    assert np.array_equal(unpack_state(packed.state).covariance, block.covariance)
-    assert np.array_equal(unpack_increment(packed.increment).vector, block.mean)
+    assert np.array_equal(unpack_state(present(packed.state)).covariance, block.covariance)
+    assert np.array_equal(unpack_increment(present(packed.increment)).vector, block.mean)
     former = pack_evidence(Evidence("robot/r1", 0, 0, motion, Nuisance(), block))
     assert former.state is not None
     assert (len(former.state.mean), len(former.state.covariance), len(former.nuisance.sigmas)) == (9, 45, 6)
@@ -206,7 +203,6 @@ def test_rows_and_matrices_of_different_sizes_are_refused(sizes: tuple[int, int]
 
 @pytest.mark.parametrize("factor", [(4.5, 0.1), (-4.5, 0.1), (0.0, -0.1), (float("nan"), 0.1), (0.0, float("inf"))])
 def test_a_camera_that_is_more_than_sixteen_times_off_is_refused(factor: tuple[float, float]) -> None:
-    assert EVIDENCE.camera is not None
-    camera = EVIDENCE.camera.model_dump()
+    camera = present(EVIDENCE.camera).model_dump()
     with pytest.raises(ValueError, match="bearing"):
         PackedCamera.model_validate(camera | {"bearing": factor})

@@ -158,9 +158,8 @@ def test_what_is_no_pose_is_refused(name: str) -> None:
 
 
 def test_what_is_too_large_is_not_looked_at() -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match="^too-large:"):
         convert.odometry(bytes(convert.MAX_BYTES + 1))
-    assert refusal.value.reason == "too-large"
 
 
 @given(st.binary(max_size=900), st.booleans())
@@ -245,9 +244,8 @@ def test_any_name_of_a_class_becomes_one_of_the_teams(class_id: str, kind: str) 
     ],
 )
 def test_detections_that_no_detector_makes_are_refused(payload: bytes, reason: str) -> None:
-    with pytest.raises(Refused) as refusal:
+    with pytest.raises(Refused, match=f"^{reason}:"):
         convert.detections(payload)
-    assert refusal.value.reason == reason
 
 
 def test_nothing_seen_is_no_mistake() -> None:

@@ -41,9 +41,8 @@ def test_odometry_is_summed_up_and_told_once_per_period() -> None:
     assert driver.readings(100.0 + PERIOD / 2) is None
     assert driver.due() == 100.0 + PERIOD
     second = present(driver.readings(100.0 + PERIOD))
-    assert second.odometry is not None
     assert (second.run, second.tick) == (first.run, 1)
-    assert second.odometry.distance == pytest.approx(0.3)
+    assert present(second.odometry).distance == pytest.approx(0.3)
 
 
 @given(st.lists(st.tuples(st.floats(-0.5, 0.5), st.floats(-0.4, 0.4)), min_size=1, max_size=40), st.floats(-3, 3))
@@ -59,8 +58,7 @@ def test_the_way_comes_out_whichever_way_the_robot_looked_at_the_start(
         yaw = math.remainder(yaw + turn, math.tau)
         driver.move(at((n + 1) / 10, x, y, yaw), 0.0)
     readings = present(driver.readings(0.0))
-    assert readings.odometry is not None
-    moved, c, s = readings.odometry, math.cos(halfway), math.sin(halfway)
+    moved, c, s = present(readings.odometry), math.cos(halfway), math.sin(halfway)
     assert moved.turn == pytest.approx(sum(turn for _, turn in steps), abs=1e-9)
     assert 2.0 + moved.distance * c - moved.aside * s == pytest.approx(x, abs=1e-9)
     assert -1.0 + moved.distance * s + moved.aside * c == pytest.approx(y, abs=1e-9)
@@ -96,9 +94,8 @@ def test_what_comes_twice_or_late_is_refused_and_moves_nobody() -> None:
     driver.move(at(5.0, 0.0, 0.0), 0.0)
     driver.move(at(5.1, 1.0, 0.0), 0.0)
     for stamp in (5.1, 5.0):
-        with pytest.raises(Refused) as refusal:
+        with pytest.raises(Refused, match="^past:"):
             driver.move(at(stamp, 0.5, 0.0), 0.0)
-        assert refusal.value.reason == "past"
     driver.move(at(5.2, 2.0, 0.0), 0.0)
     assert odometer(driver.readings(0.0)) == pytest.approx((2.0, 0.0))
 
@@ -127,8 +124,7 @@ def test_a_fix_goes_with_the_next_readings_once_as_wide_as_its_widest_axis() -> 
     covariance[2, 2] = ANY_HEADING
     driver.fix(at(1.0, 3.0, 4.0, 0.5, covariance))
     again = present(driver.readings(20.0))
-    assert again.fix is not None
-    assert again.fix.heading is None
+    assert present(again.fix).heading is None
 
 
 @pytest.mark.parametrize("clock", [50.0, 1.8e9], ids=["of a simulation", "unix"])
@@ -144,8 +140,7 @@ def test_readings_are_of_the_time_at_which_they_were_measured_however_late_they_
     for n in (20, 21, 22):
         driver.move(at(clock + n / 10, n * 0.1, 0.0), late)
     readings = present(driver.readings(late))
-    assert readings.odometry is not None
-    assert readings.odometry.dt == pytest.approx(0.3)
+    assert present(readings.odometry).dt == pytest.approx(0.3)
     by_subject = {sighting.subject: sighting.age for sighting in readings.seen}
     assert by_subject["object/can"] == 0.0
     assert readings.time == pytest.approx(zero + 2.205, abs=1e-6)
