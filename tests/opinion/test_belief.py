@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from blackboard import Grid, entropy
-from blackboard.opinion.belief import Belief, blur, gaussian, shift, uniform
+from blackboard.opinion.belief import Belief, blur, gaussian, shift
 from blackboard.opinion.grid import Array
 from tests import oracles
 from tests.opinion.stacks import few, stacks
@@ -116,13 +116,6 @@ def test_blurs_add_up_and_know_their_axis() -> None:
     assert blur(blur(p, (2.0, 0.0)), (0.0, 1.5)) == pytest.approx(blur(p, (2.0, 1.5)), abs=1e-12)
 
 
-def test_a_wide_blur_looks_like_a_gaussian() -> None:
-    grid = Grid((61, 61))
-    p = np.zeros(grid.shape)
-    p[30, 30] = 1.0
-    assert blur(p, 5.0) == pytest.approx(gaussian(grid, (30.5, 30.5), 5.0).p, abs=2e-4)
-
-
 @few
 @given(stacks(("random",), most=1), st.integers(-6, 6), st.integers(-6, 6))
 def test_shift_moves_whole_cells_and_piles_up_at_the_border(opinions: Array, dx: int, dy: int) -> None:
@@ -132,7 +125,3 @@ def test_shift_moves_whole_cells_and_piles_up_at_the_border(opinions: Array, dx:
         expected[min(max(i + dx, 0), p.shape[0] - 1), min(max(j + dy, 0), p.shape[1] - 1)] += mass
     assert shift(p, (dx, dy)) == pytest.approx(expected, abs=1e-15)
     assert math.fsum(shift(p, (dx, dy)).ravel()) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_a_uniform_belief_knows_nothing() -> None:
-    assert entropy(uniform(GRID).p) == pytest.approx(math.log(40))
