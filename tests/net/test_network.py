@@ -169,7 +169,7 @@ def test_nobody_answers_for_what_nobody_sent(connect: Connect) -> None:
 # --- liveliness ----------------------------------------------------------------------------------------------------------
 
 
-def test_tokens_are_told_those_already_there_too(connect: Connect) -> None:
+def test_tokens_are_told_those_already_there_too_and_closing_twice_is_closing_once(connect: Connect) -> None:
     a, watching, b = connect("a"), connect("watching"), connect("b")
     a.token("t/1")
     watching.token("t/own")
@@ -180,6 +180,7 @@ def test_tokens_are_told_those_already_there_too(connect: Connect) -> None:
     letters.until(alive("t/2"))
     b.close()
     letters.until(gone("t/2"))
+    a.close()
     a.close()
     letters.until(gone("t/1"))
     assert len(letters.read) == 5
@@ -202,18 +203,6 @@ def test_a_token_is_alive_from_its_first_holder_to_its_last(connect: Connect) ->
     letters.until(gone("t/1"), gone("t/2"))
     assert letters.read[:4] == [alive("t/1"), alive("t/2"), alive("t/3"), gone("t/3")]
     assert len(letters.read) == 6
-
-
-def test_closing_twice_is_closing_once(connect: Connect) -> None:
-    a, watching = connect("a"), connect("watching")
-    watching.watch("t")
-    a.token("t")
-    letters = Letters(watching)
-    letters.until(alive("t"))
-    a.close()
-    a.close()
-    letters.until(gone("t"))
-    assert len(letters.read) == 2
 
 
 # --- the bus alone -------------------------------------------------------------------------------------------------------
