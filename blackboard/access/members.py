@@ -77,14 +77,7 @@ class CertificateHolder:
 
     def to_dict(self) -> dict[str, Any]:
         """The member as a JSON object."""
-        return {
-            "team": self.team,
-            "kind": self.kind,
-            "name": self.name,
-            "sub_teams": list(self.sub_teams),
-            "generation": self.generation,
-            "not_after": self.not_after,
-        }
+        return {**vars(self), "sub_teams": list(self.sub_teams)}
 
     @staticmethod
     def from_dict(said: dict[str, Any]) -> CertificateHolder:

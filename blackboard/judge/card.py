@@ -63,12 +63,7 @@ def scorecard(result: RunResult) -> dict[str, Any]:
         "team_rmse": {level: judgement.scores["robots"][level]["rmse"] for level in LEVELS},
         "missing": judgement.missing,
         "counters": dict(sorted(result.counters.items())),
-        "honesty": judgement.honesty,
-        "motion": judgement.motion,
-        "lost": judgement.lost,
-        "tracks": judgement.tracks,
-        "identities": judgement.identities,
-        "causes": judgement.causes,
+        **{name: getattr(judgement, name) for name in ("honesty", "motion", "lost", "tracks", "identities", "causes")},
     }
 
 

@@ -89,13 +89,7 @@ class Score:
 
     def merge(self, other: "Score") -> "Score":
         """The entries of both, as a new score."""
-        return Score(
-            self.errors + other.errors,
-            self.entropies + other.entropies,
-            self.log_scores + other.log_scores,
-            self.levels + other.levels,
-            self.borders + other.borders,
-        )
+        return Score(*(getattr(self, name) + getattr(other, name) for name in self.__dataclass_fields__))
 
     def held(self, level: int) -> Array:
         """How far the `level` % highest-density region held the truth, one number from 0 to 1 for each entry (`held`)."""

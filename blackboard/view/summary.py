@@ -123,10 +123,7 @@ def alarms(team: TeamFold, now: float) -> list[Table]:
 def _alarm(alarm: Alarm, now: float) -> Table:
     over = alarm.until is not None and alarm.until <= now
     return {
-        "what": alarm.what,
-        "who": alarm.who,
-        "text": alarm.text,
-        "since": alarm.since,
+        **{name: getattr(alarm, name) for name in ("what", "who", "text", "since")},
         "for": (alarm.until if over and alarm.until is not None else now) - alarm.since,
         "over": now - alarm.until if over and alarm.until is not None else None,  # seconds since it is over
     }

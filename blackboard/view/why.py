@@ -31,6 +31,7 @@ from blackboard.wire.messages import Consensus, PackedBelief, Report, Used
 from blackboard.wire.opinions import reported, settled
 
 JOINT = "joint"
+AS_TOLD = ("level", "sub_team", "board", "tick", "rule", "parameters", "outcome", "entropy")  # of a consensus
 
 Table = dict[str, Any]
 
@@ -81,14 +82,7 @@ def _level(told: Received[Consensus], about: About, moment: Moment, feedback: st
     consensus = told.message
     drawn, pose, velocity = told.drawn, pose_of(consensus.state), velocity_of(consensus.velocity)
     level: Table = {
-        "level": consensus.level,
-        "sub_team": consensus.sub_team,
-        "board": consensus.board,
-        "tick": consensus.tick,
-        "rule": consensus.rule,
-        "parameters": consensus.parameters,
-        "outcome": consensus.outcome,
-        "entropy": consensus.entropy,
+        **{name: getattr(consensus, name) for name in AS_TOLD},
         "mean": None if drawn is None else list(drawn.mean),
         "sigma": None if drawn is None else drawn.sigma,
         "area": None if drawn is None else drawn.area,

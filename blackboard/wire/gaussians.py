@@ -35,6 +35,7 @@ from blackboard.wire.evidence import (
 from blackboard.wire.messages import Odometry
 from blackboard.wire.types import LARGEST
 
+FULL = ("range", "bearing", "range_variance", "bearing_variance")  # of a sighting that measures both
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
 
 
@@ -60,16 +61,7 @@ def pack_evidence(evidence: Evidence) -> PackedEvidence:
         nuisance=_packed_nuisance(evidence.nuisance, states),
         state=None if evidence.belief is None else pack_state(evidence.belief, states),
         increment=None if evidence.increment is None else _packed_increment(evidence.increment, states),
-        relatives=[
-            PackedRelative(
-                range=sighting.range,
-                bearing=sighting.bearing,
-                range_variance=sighting.range_variance,
-                bearing_variance=sighting.bearing_variance,
-                **_packed(sighting),
-            )
-            for sighting in told[:MAX_RELATIVES]
-        ],
+        relatives=[PackedRelative(**_packed(sighting, *FULL)) for sighting in told[:MAX_RELATIVES]],
         profile=list(told[0].profile) if told else [],
         seen=[_seen(sighting) for sighting in sound if sighting.kind != "range-bearing"][:MAX_RELATIVES],
         returned=None if returned is None else pack_state(returned, states),
@@ -106,9 +98,9 @@ def _seen(sighting: Relative) -> Seen:
     return Seen(kind=sighting.kind, values=values, covariance=covariance, **_packed(sighting))
 
 
-def _packed(sighting: Relative) -> dict[str, Any]:
-    """The fields that sightings of all kinds have."""
-    same = {name: getattr(sighting, name) for name in ("subject", "age", "group", "confidence", "mark")}
+def _packed(sighting: Relative, *more: str) -> dict[str, Any]:
+    """The fields that sightings of all kinds have, and some `more`."""
+    same = {name: getattr(sighting, name) for name in ("subject", "age", "group", "confidence", "mark", *more)}
     return {**same, "biases": [(bias.sigma, bias.seconds) for bias in sighting.biases]}
 
 
@@ -202,19 +194,13 @@ def one_way(first: Odometry, second: Odometry) -> Odometry:
     A sigma that one of them does not have is left out.
     """
     whole = _motion_of(first).then(_motion_of(second))
-    sigmas = {}
+    sums: dict[str, Any] = {
+        name: getattr(whole, name) for name in ("distance", "turn", "dt", "aside", "curved", "driven")
+    }
     for name in ("distance_sigma", "turn_sigma"):
         one, other = getattr(first, name), getattr(second, name)
-        sigmas[name] = None if one is None or other is None else math.hypot(one, other)
-    return Odometry(
-        distance=whole.distance,
-        turn=whole.turn,
-        dt=whole.dt,
-        aside=whole.aside,
-        curved=whole.curved,
-        driven=whole.driven,
-        **sigmas,
-    )
+        sums[name] = None if one is None or other is None else math.hypot(one, other)
+    return Odometry(**sums)
 
 
 def _motion_of(piece: Odometry) -> Motion:
@@ -236,16 +222,7 @@ def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, .
     profile = tuple(packed.profile)
     further = [unpack_seen(sighting, observer) for sighting in packed.seen if sighting.is_known and sighting.covariance]
     return tuple(further) + tuple(
-        Relative(
-            observer=observer,
-            subject=sighting.subject,
-            range=sighting.range,
-            bearing=sighting.bearing,
-            range_variance=sighting.range_variance,
-            bearing_variance=sighting.bearing_variance,
-            profile=profile,
-            **_unpacked(sighting),
-        )
+        Relative(observer=observer, subject=sighting.subject, profile=profile, **_unpacked(sighting, *FULL))
         for sighting in packed.relatives
     )
 
@@ -256,9 +233,9 @@ def unpack_seen(sighting: Seen, observer: str) -> Relative:
     return replace(seen, **_unpacked(sighting))
 
 
-def _unpacked(sighting: PackedRelative | Seen) -> dict[str, Any]:
-    """What sightings of all kinds have beside their numbers and names; what names its subject has no mark."""
-    same = {name: getattr(sighting, name) for name in ("age", "group", "confidence")}
+def _unpacked(sighting: PackedRelative | Seen, *more: str) -> dict[str, Any]:
+    """What sightings of all kinds have beside their numbers and names, and some `more`; what names its subject has no mark."""
+    same = {name: getattr(sighting, name) for name in ("age", "group", "confidence", *more)}
     biases = tuple(Bias(sigma, seconds) for sigma, seconds in sighting.biases)
     return {**same, "biases": biases, "mark": sighting.mark if is_class(sighting.subject) else None}
 
