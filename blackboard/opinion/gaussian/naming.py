@@ -13,6 +13,7 @@ import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.assignment import CLEAR, MOST, Rate, keep, posterior
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Innovation, Joint
 from blackboard.opinion.gaussian.linearising import linearise_all
 from blackboard.opinion.gaussian.relation import Relative
@@ -74,17 +75,13 @@ class ClassSighting(Protocol):
 
 
 @dataclass
-class Naming:
+class Naming(Copyable):
     """Mutable; `judge` once per frame. `area` is that of the team's map (unit^2), over which what is nobody known is spread evenly."""
 
     area: float = 1000.0
     _strangers: dict[tuple[str, str], Rate] = field(default_factory=dict)  # by observer and class
     #: By observer and class: the share of the things in its frames that it detects twice.
     _twice: dict[tuple[str, str], Rate] = field(default_factory=dict)
-
-    def copy(self) -> "Naming":
-        """The same, which may be changed without changing this one."""
-        return Naming(self.area, dict(self._strangers), dict(self._twice))
 
     def judge(
         self,

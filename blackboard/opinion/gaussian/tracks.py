@@ -21,6 +21,7 @@ from statistics import median
 
 from blackboard.opinion.classes import numbered, stem
 from blackboard.opinion.gaussian.assignment import CLASSES, CLEAR, Rate, keep
+from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.views import Place, View
 
 #: Nats: the most that one observer's frames say for a track, as for an object that rolls (`walks`), and against it. Two that look
@@ -102,7 +103,7 @@ class Track:
 
 
 @dataclass
-class Tracks:
+class Tracks(Copyable):
     """Mutable; `pass_time` once per tick, `judge` once per frame, in an order that depends on names only.
 
     `room` is for how many tracks that one observer alone has seen; `label` stands in the names that are given, before the number.
@@ -125,17 +126,6 @@ class Tracks:
 
     def __iter__(self) -> Iterator[str]:
         return iter(sorted(self._tracks))
-
-    def copy(self) -> Tracks:
-        """The same, which may be changed without changing this one."""
-        return replace(
-            self,
-            _tracks=dict(self._tracks),
-            _views=dict(self._views),
-            _real=dict(self._real),
-            _numbers=dict(self._numbers),
-            _before=dict(self._before),
-        )
 
     def anew(self) -> Tracks:
         """No tracks, and no number that was ever given."""
