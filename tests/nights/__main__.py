@@ -17,7 +17,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # each process has one
     os.environ.setdefault(name, "1")
 
 from tests.nights import gift  # noqa: E402
-from tests.nights.run import Outcome, coverage, moved, quietly, uncalibrated  # noqa: E402
+from tests.nights.run import Outcome, coverage, known, moved, quietly, uncalibrated  # noqa: E402
 
 EVERY = 10.0  # seconds between two lines of progress
 
@@ -63,6 +63,9 @@ def main() -> int:
     for share, held in coverage(sums).items():
         print(f"the {float(share):.0%} regions of {sums['coverage n']} agreed beliefs hold the truth in {held:.1%}")
     print(f"one liar moves the honest {moved(sums):.2f} times as far off, in {sums['lied n']} agreed beliefs")
+    print(
+        f"joints know robots with {known(sums):.2f} times the variance of their own filters, over {sums['known n']} of them"
+    )
     return 1 if failed or doubts else 0
 
 

@@ -71,6 +71,14 @@ class Said(Event):
 
 
 @dataclass(frozen=True)
+class Heard(Event):
+    """A message arrives at a process, which hears it now; what it says then, and that it has moved, comes after."""
+
+    process: str
+    envelope: Envelope
+
+
+@dataclass(frozen=True)
 class Moved(Event):
     """A service has heard something, or was woken; what it said then came before."""
 

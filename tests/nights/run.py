@@ -31,6 +31,7 @@ from tests.nights.oracles import (
     TheNewestCounts,
 )
 from tests.nights.parts import SomebodySpeaks
+from tests.nights.receipts import EvidenceReachesAll, HeardIsSettled, RobotsAreKnown
 from tests.nights.rosters import EarlyIsTaken, RostersAreTrue
 from tests.nights.stage import Stage
 from tests.nights.votes import BoardsAgreeAgain, OneVote, TheHonestCount
@@ -38,7 +39,7 @@ from tests.nights.votes import BoardsAgreeAgain, OneVote, TheHonestCount
 ORACLES: tuple[type[Oracle], ...] = (
     BytesSayIt, NobodyDies, InvariantsHold, NothingGrows, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
     SightingsAreToldOnce, SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
-    BoardsAgreeAgain, Coverage, OneVote,
+    BoardsAgreeAgain, Coverage, OneVote, HeardIsSettled, EvidenceReachesAll, RobotsAreKnown,
 )  # fmt: skip
 
 REPLAYED = 8  # of so many nights one is recorded, and its tape replayed
@@ -154,6 +155,8 @@ def recorded(night: Night) -> bytes:
 CALIBRATED = {"0.5": (0.45, 0.55), "0.95": (0.93, 0.97)}
 MOST = 2.0  # how much farther off the honest are while one robot lies, over all lies, at most
 ENOUGH_LIED = 3000  # beliefs about the honest on nights with a liar
+KNOWN = 0.75  # of the variance that robots have of their places by themselves, that joints have on average, at most
+ENOUGH_KNOWN = 200  # robots, in joints
 ENOUGH = 10_000  # beliefs; those of a night err together, so that fewer say little
 
 
@@ -170,13 +173,23 @@ def moved(sums: Counter[str]) -> float:
     return (sums["lied off"] / sums["lied n"]) / (sums["calm off"] / sums["calm n"])
 
 
+def known(sums: Counter[str]) -> float:
+    """The variance that joints have of robots' places over that of the robots by themselves, on average; 0 where none was seen."""
+    return sums["known"] / max(1, sums["known n"])
+
+
 def uncalibrated(sums: Counter[str]) -> list[str]:
-    """What is wrong with the coverage, and with the votes, of all nights together, in sentences."""
+    """What is wrong with the coverage, the votes, and what joints know, of all nights together, in sentences."""
     n = sums["coverage n"]
     covered = coverage(sums) if n >= ENOUGH else {}
     share = moved(sums)
     votes = [f"one liar moves the honest {share:.2f} times as far off as they are, not {MOST:g}"]
-    return votes * (sums["lied n"] >= ENOUGH_LIED and share > MOST) + [
+    vague = [
+        f"joints know robots with {known(sums):.2f} times the variance of their own filters on average, not {KNOWN:g}"
+    ]
+    doubts = vague * (sums["known n"] >= ENOUGH_KNOWN and known(sums) > KNOWN)
+    doubts += votes * (sums["lied n"] >= ENOUGH_LIED and share > MOST)
+    return doubts + [
         f"the {float(share):.0%} regions of {n} agreed beliefs hold the truth in {covered[share]:.1%}, not {low:.0%} to {high:.0%}"
         for share, (low, high) in CALIBRATED.items()
         if covered and not low <= covered[share] <= high

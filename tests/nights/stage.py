@@ -48,6 +48,7 @@ from tests.nights.events import (
     Ended,
     Event,
     Healed,
+    Heard,
     Looked,
     Moved,
     Over,
@@ -84,6 +85,8 @@ class Watched(Around):
         return False
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
+        if envelope.kind is Kind.PUT:
+            self._stage.tell(Heard(self._stage.at, self.name, envelope))
         return self._done(lambda: self.inner.receive(envelope, now))
 
     def wake(self, now: float) -> list[Envelope]:
