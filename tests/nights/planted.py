@@ -193,6 +193,30 @@ BUGS = {
         "self.trouble = error.strerror or str(error)",
         "self.trouble = str(error.strerror or error); self._waiting.clear()",
     ),
+    "sign": Bug(
+        "the offset of a clock has the wrong sign",
+        "blackboard/board/clocks.py",
+        "return stamp - ahead",
+        "return stamp + ahead",
+    ),
+    "waiting": Bug(
+        "of the evidence that waits to be settled the newest of each robot alone is kept",
+        "blackboard/board/joint/queue.py",
+        "if len(waiting) > MAX_WAITING:",
+        "if len(waiting) > 1:",
+    ),
+    "passed_on": Bug(
+        "a board passes on the newest evidence of each robot alone",
+        DESK,
+        "for then, forwarded in self._forward]",
+        "for then, forwarded in {f.robot: (t, f) for t, f in self._forward}.values()]",
+    ),
+    "uncounted": Bug(
+        "what the last robot gains by itself is not multiplied in",
+        "blackboard/opinion/gaussian/team.py",
+        "for robot in sorted(set(motions) - entered):",
+        "for robot in sorted(set(motions) - entered)[:-1]:",
+    ),
 }
 
 FOUND = re.compile(r"night \d+/(\d+) of [^:]*: (.*)")

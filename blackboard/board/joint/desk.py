@@ -99,6 +99,7 @@ class JointDesk:
         `skew`, and what is refused: as in `EvidenceQueue.take`.
         """
         if self._queue.take(robot, tick, time, packed, skew) and own:
+            self.counters["joint_dropped"] += len(self._forward) == self._forward.maxlen
             self._forward.append((time, Forwarded(robot=robot, tick=tick, evidence=packed)))
 
     def hear_forward(
