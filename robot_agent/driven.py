@@ -76,13 +76,14 @@ class SinceStep:
 
     def plus(self, later: "SinceStep") -> "SinceStep":
         """Both: one way follows the other, turns add up, of place and heading the newest counts."""
-        compass, fix = self.compass, self.fix
-        if later.fix is not None and later.fix.heading is None and fix is not None and fix.heading is not None:
-            compass = compass or (fix.heading, fix.heading_sigma)  # the fix is replaced, its heading holds
+        before, fix = self.fix, later.fix or self.fix
+        if fix is not None and fix.heading is None and before is not None and before.heading is not None:
+            told = {"heading": before.heading, "heading_sigma": before.heading_sigma}
+            fix = fix.model_copy(update=told)  # its place is replaced, its heading holds
         return SinceStep(
             _both_ways(self.odometry, later.odometry),
-            later.compass or compass,
-            later.fix or self.fix,
+            later.compass or self.compass,
+            fix,
             (*self.sightings, *later.sightings)[-MAX_OPINIONS:],
             (*self.seen, *later.seen)[-MAX_OPINIONS:],
             *self._posterior_and(later),

@@ -5,6 +5,8 @@ independent noise of each. Where it is larger than claimed, it counts. Where it 
 the rest of it counts as an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as
 one at the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
 
+Where somebody described all of a robot's sensors, nothing is asked of how they are mounted (`mounts`).
+
 No two measurements are equal to the last bit: a receiver that sees no satellite repeats its last fix, and many drivers publish that.
 """
 
@@ -20,6 +22,7 @@ from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Mot
 from blackboard.wire.messages import Fix, Readings
 from robot_agent.gaussian.drifting import Drifting
 from robot_agent.gaussian.factors import NoiseFactor, NoiseFactors
+from robot_agent.gaussian.mounts import Antenna, Mount, compass_of
 
 #: Seconds after which the lasting error of a fix is another one, an Ornstein-Uhlenbeck process as of receivers at rest (Sensors
 #: 20(21), 6050, 2020): between what is best for errors that last 5 s and 60 s, on development seeds (docs/notes/wrong-models.md).
@@ -102,10 +105,16 @@ class AbsoluteSensors:
     headings: dict[str, NoiseFactor] = field(default_factory=dict)  # of the noise of headings: "compass", "fix heading"
     drifting: Drifting = field(default_factory=Drifting)
     _factors: dict[str, NoiseFactors] = field(default_factory=dict)
+    antenna: Antenna = field(init=False)
+    compass: Mount = field(init=False)
     _newest: Fix | None = None
+    _headed: float = 0.0  # radians: its heading then
     _since: Joint | None = None  # the robot's motion since the newest fix, by odometry
     #: Sensor -> team time (s) of the first reading of a row beyond the gate, and how many there are.
     _beyond: dict[str, tuple[float, int]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.antenna, self.compass = Antenna(self.robot), compass_of(self.robot)
 
     @property
     def lasting(self) -> float:
@@ -131,6 +140,14 @@ class AbsoluteSensors:
         """Landmarks fit the belief, so readings beyond the gate do not speak against it."""
         self._beyond.clear()
 
+    def is_mounted_otherwise(self, joint: Joint) -> bool:
+        """Whether compass or antenna are found, in this tick, to be mounted otherwise; then all that is believed has changed."""
+        return self.antenna.judge(joint) or self.compass.judge(joint)
+
+    def errors(self, joint: Joint) -> dict[str, tuple[float, float]]:
+        """Errors by how compass and antenna are mounted, as far as such were found, with the sigma of each, by name."""
+        return self.antenna.errors(joint) | self.compass.errors(joint)
+
     def contradicts(self, time: float) -> bool:
         """Whether, at a team time (s), readings of a sensor have been beyond the gate for `PATIENCE`: the belief counts as wrong."""
         return any(number >= FEWEST and time - first >= PATIENCE for first, number in self._beyond.values())
@@ -146,9 +163,10 @@ class AbsoluteSensors:
         is_again = fix is not None and last is not None and (fix.position, fix.heading) == (last.position, last.heading)
         return readings.model_copy(update={"fix": None}) if is_again else readings
 
-    def fix_factor(self, joint: Joint, fix: Fix) -> Factor:
-        """A fix as a measurement, with the noise that was found."""
-        return place_factor(joint, self.robot, fix, surely(self.fix), self.lasting)
+    def fix_factor(self, joint: Joint, fix: Fix, belief: Joint) -> Factor:
+        """A fix as a measurement, linearised at a joint, with the noise that was found and what the robot's belief has of the arm."""
+        factor = place_factor(joint, self.robot, fix, surely(self.fix), self.lasting)
+        return self.antenna.measured(joint, factor, self.antenna.known(belief)) if self._is_open else factor
 
     def take(self, joint: Joint, readings: Readings, compass: float) -> bool:
         """Correct the robot by the fix and by the compass (its sigma by the model, radians), but for what is far beyond the gate.
@@ -157,14 +175,25 @@ class AbsoluteSensors:
         """
         if (fix := readings.fix) is not None:
             self._judge(joint, fix, readings.time)
-            self._correct(joint, "fix", self.fix_factor(joint, fix), readings.time)
+            self.antenna.on_noise(joint, self.fix, surely(self.fix))
+            self._correct(joint, "fix", self.fix_factor(joint, fix, joint), readings.time)
         for name, (heading, sigma) in headings(readings, compass).items():
             noise = self.headings.setdefault(name, NoiseFactor())
             claimed = heading_factor(joint, self.robot, heading, sigma)
+            if name == "compass" and self._is_open:
+                claimed = self.compass.with_errors(claimed, np.eye(1), self.compass.known(joint))
             rest = joint.expected(claimed).spread
             self._factors_of(name, noise).weigh(claimed.residual, rest, claimed.noise[np.newaxis])
-            self._correct(joint, name, claimed.widened(max(1.0, surely(noise))), readings.time)
+            noisier = max(1.0, surely(noise))
+            self._correct(joint, name, claimed.widened(noisier), readings.time)
+            if name == "compass":
+                self.compass.on_noise(joint, noise, noisier)
         return fix is not None and not self.doubtful
+
+    @property
+    def _is_open(self) -> bool:
+        """Whether its model leaves errors that last open."""
+        return any(self.nuisance.sigmas)
 
     def _factors_of(self, name: str, noise: NoiseFactor) -> NoiseFactors:
         if name not in self._factors:
@@ -181,10 +210,14 @@ class AbsoluteSensors:
         belief = joint.moments(self.robot)
         if self._newest is not None and self._since is not None:
             led = self._since.moments(self.robot)
-            error = np.array(fix.position) - np.array(self._newest.position) - led.mean[AXES]
+            swung = self.antenna.swung(joint, self._headed, float(led.mean[HEADING]))
+            error = np.array(fix.position) - np.array(self._newest.position) - led.mean[AXES] - swung.mean
             self.drifting.on_error(time, error)
             fresh = np.eye(2) * (fix.sigma**2 + self._newest.sigma**2)
-            self._factors_of("fix", self.fix).weigh(error, led.covariance[AXES, AXES], fresh[np.newaxis])
+            self._factors_of("fix", self.fix).weigh(
+                error, led.covariance[AXES, AXES] + swung.covariance, fresh[np.newaxis]
+            )
+        self._headed = float(belief.mean[HEADING])
         here = Moments(belief.mean.copy(), belief.covariance.copy())
         here.mean[AXES] = 0.0
         here.covariance[AXES] = here.covariance[:, AXES] = 0.0

@@ -150,7 +150,8 @@ class FirstHand:
         if readings.odometry is not None:
             self._unmeasured = 0.0
         self._judge_wheels(at)
-        self._widen_prior()
+        epoch = self.epoch
+        self._widen_priors(readings.time)
         since = math.inf if self._last is None else readings.time - self._last.time
         motion = self._move(readings, at).after(self._newest_motion, since)
         moved = None if at is None or not self.known else self._team_moved(at, motion)
@@ -170,7 +171,7 @@ class FirstHand:
             self.distrust.judge(self.robot, self.joint.moments(self.robot), self._usual)
         increment, unsent = self._gained(prediction), self._gained(self._unsent.before)
         others += self._unnamed(readings, motion.dt)
-        if self._gave_up(readings, team, apart):
+        if self._gave_up(readings, team, apart) or self.epoch != epoch:
             increment = unsent = None
         said = self.travelled, self.sensors.wheels.nuisance, self.belief, increment, others, readings.time
         camera = self.camera.found(self.sensors.camera)
@@ -230,7 +231,7 @@ class FirstHand:
     def _places_told(self, seen: Seen, fix: Fix | None, joint: Joint, motions: Mapping[str, Motion]) -> list[Factor]:
         """What landmarks and the fix of a tick measure of a place, linearised at a joint."""
         factors = [linearise(joint, relative, motions, place) for relative, place in seen if relative.places]
-        return factors if fix is None else [*factors, self.absolute.fix_factor(joint, fix)]
+        return factors if fix is None else [*factors, self.absolute.fix_factor(joint, fix, self.joint)]
 
     def _gave_up(self, readings: Readings, team: Array | None, apart: float) -> bool:
         """Whether the belief was given up: as absurd, or because fixes, a compass or landmarks contradict it."""
@@ -279,8 +280,8 @@ class FirstHand:
         else:
             self.wheels.judge(self.joint, at if at is not None and self._is_plausible(at) else None)
 
-    def _widen_prior(self) -> None:
-        """Replace the prior of the camera's direction or range scale by a wide one, once, where landmarks contradict it (`priors`).
+    def _widen_priors(self, time: float) -> None:
+        """Replace priors by wide ones, each once, where they are contradicted (`priors`), at a team time (s).
 
         Those of the wheels' scales stay: the noise of wheels is a guess, and more of it, or an over-confident fix, looks like a scale.
         """
@@ -294,9 +295,22 @@ class FirstHand:
             at = self.joint.blocks[self.robot].start + state
             widen(self.joint, at, variance, self.joint.regression(at) * (mean - self.joint.mean[at]))
             self._widened = (*self._widened, state)
+        has_odometry = not self.untold.is_all and self.robot not in self.distrust
+        is_mounted_otherwise = has_odometry and self.absolute.is_mounted_otherwise(self.joint)
+        if is_mounted_otherwise:  # boards hold no such errors: they are to forget the poses that they were told
+            self._begin_epoch(time)
+        if worst is not None or is_mounted_otherwise:
             self.wheels.give_up()
             self.mishaps.forget()
             self._unsent.forget()
+
+    def _begin_epoch(self, time: float) -> None:
+        """A new epoch begins at a team time (s).
+
+        Epochs are numbered by the milliseconds of team time at which they began, so that they also grow where the process
+        is started again.
+        """
+        self.epoch, self.travelled = max(self.epoch + 1, round(1000 * time)), Motion()
 
     def _wheel_noise(self) -> WheelNoise:
         """An estimate of the noise of its wheels that nothing has been learned in yet."""
@@ -334,7 +348,9 @@ class FirstHand:
             return {"moved": 1.0} if self.mishaps.moved else {}
         if not any(self.sensors.wheels.nuisance.sigmas):
             return jumped
-        found = findings(team or belief, self.wheels, self.camera, self.absolute, self.mishaps)
+        found = findings(
+            team or belief, self.wheels, self.camera, self.absolute, self.mishaps, self.absolute.errors(self.joint)
+        )
         return jumped | found | ({"moved": 1.0} if self.robot in self.distrust else {})
 
     def silent(self) -> None:
@@ -351,13 +367,9 @@ class FirstHand:
         return len(last) == LOST and seen >= FEWEST and all(m > 0 for _, m in last) and 2 * missed > seen
 
     def restart(self, time: float) -> None:
-        """Forget the belief: a new epoch begins at a team time (s), on new evidence alone.
-
-        Epochs are numbered by the milliseconds of team time at which they began, so that they also grow where the process
-        is started again.
-        """
-        self.epoch = max(self.epoch + 1, round(1000 * time))
-        self.joint, self.travelled, self._last, self._unmeasured = Joint(), Motion(), None, 0.0
+        """Forget the belief: a new epoch begins at a team time (s), on new evidence alone."""
+        self._begin_epoch(time)
+        self.joint, self._last, self._unmeasured = Joint(), None, 0.0
         self._widened = ()
         self._groups, self._misses = {}, []
         self._unsent.forget()

@@ -1,6 +1,7 @@
 """What a robot has found out of its wheels, camera, fixes and compass while it drives, in numbers by name, for its status. Pure."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -42,10 +43,16 @@ FOUND: dict[str, tuple[float, Array]] = {
 
 
 def findings(
-    belief: Moments, wheels: WheelNoise, camera: CameraNoise, absolute: AbsoluteSensors, mishaps: Mishaps
+    belief: Moments,
+    wheels: WheelNoise,
+    camera: CameraNoise,
+    absolute: AbsoluteSensors,
+    mishaps: Mishaps,
+    errors: Mapping[str, tuple[float, float]],
 ) -> dict[str, float]:
-    """Of a belief of the whole block, shape (12,) and (12, 12). Scales are true over told; sigmas follow their value.
+    """Of a belief of the whole block, shape (12,) and (12, 12), and of lasting `errors` beside it, by name, with a sigma each.
 
+    Scales are true over told; sigmas follow their value.
     Noise is the factor of the model's sigma. `stuck`: seconds for which its wheels have turned while it stood; `moved`: 1 while it is
     elsewhere than its odometry led, or while its odometry is not believed.
     """
@@ -53,6 +60,8 @@ def findings(
     for name, (base, row) in FOUND.items():
         told[name] = base + float(row @ belief.mean)
         told[f"{name} sigma"] = math.sqrt(max(0.0, float(row @ belief.covariance @ row)))
+    for name, (value, sigma) in errors.items():
+        told |= {name: value, f"{name} sigma": sigma}
     noise = wheels.found | {"range": camera.range, "bearing": camera.bearing}
     told |= {f"{name} noise": math.sqrt(learned.variance) for name, learned in noise.items()}
     claimed = {"fix": absolute.fix} | absolute.headings

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from blackboard.config import Scenario
+from blackboard.opinion.gaussian.vehicle import turned_by
 from blackboard.wire.messages import Odometry, Sighting
 from examples.field.central import Central
 from examples.field.world import ROBOTS, Arena, Said, Seen, Truth, bounced
@@ -20,6 +21,7 @@ from robot_agent.driven import SinceStep
 from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, parts_alone, show
 
 PIECE = 0.05
+COMPASS = 0.05  # radians: the noise of a compass, as it claims
 MARGIN = 1.0  # metres that goals keep from the walls
 
 
@@ -123,7 +125,7 @@ class Grounds(Robots):
 
     They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts. A share of `wild` sightings is of anywhere
     in view, and their ranges are `longer` by this factor, their bearings `askew` by an angle (radians). Odometry measures `less`:
-    these shares of ways and of turns. Wheels are `dead` from and until a time (s): they measure nothing while
+    these shares of ways and of turns. Robots have a `compass` that reads this angle too much, if any, and antennas so far `ahead`. Wheels are `dead` from and until a time (s): they measure nothing while
     the robot drives on. The filters beside the team get the right ranges and odometry.
     """
 
@@ -139,6 +141,8 @@ class Grounds(Robots):
         longer: float = 1.0,
         askew: float = 0.0,
         less: tuple[float, float] = (1.0, 1.0),
+        compass: float | None = None,
+        ahead: float = 0.0,
         dead: Mapping[str, tuple[float, float]] | None = None,
         **board: object,
     ) -> None:
@@ -155,7 +159,7 @@ class Grounds(Robots):
         super().__init__(chosen, 0.2 * (0.618 * ground.seed % 1.0))
         self.ground, self.told, self.each, self.alone, self.unplaced = ground, told, each, alone, unplaced
         self.dead = dict(dead or {})
-        self.askew, self.less = askew, less
+        self.askew, self.less, self.compass, self.ahead = askew, less, compass, ahead
         self.wild, self.longer, self.random = wild, longer, np.random.default_rng([ground.seed, 1])
 
     def play(self, seconds: float) -> Scores:
@@ -189,6 +193,7 @@ class Grounds(Robots):
         since = replace(gathered(last, kit, False), odometry=None)
         if last.start is not None:
             return SinceStep() if robot in self.unplaced else since
+        since = self._pointing(robot, since)
         since = replace(since, sightings=tuple(self._misread(seen, kit) for seen in since.sightings))
         since = since if self.alone is None else parts_alone(since, self.alone)
         begin, end = self.dead.get(robot, (0.0, 0.0))
@@ -198,6 +203,17 @@ class Grounds(Robots):
             told, (way, turn) = odometry_of(part, kit, self.told), self.less
             told = told.model_copy(update={"distance": way * told.distance, "turn": turn * told.turn})
             since = since.plus(SinceStep(told))
+        return since
+
+    def _pointing(self, robot: str, since: SinceStep) -> SinceStep:
+        """With a compass, and fixes of an antenna that is ahead, if there are such."""
+        heading, fix = float(self.ground.poses[robot][2]), since.fix
+        if self.compass is not None:
+            told = heading + self.compass + self.random.normal(0.0, COMPASS)
+            since = replace(since, compass=(math.remainder(told, math.tau), COMPASS))
+        if self.ahead and fix is not None:
+            (x, y), (dx, dy) = fix.position, turned_by((self.ahead, 0.0), heading)
+            since = replace(since, fix=fix.model_copy(update={"position": (x + dx, y + dy)}))
         return since
 
     def _misread(self, seen: Sighting, kit: Kit) -> Sighting:
@@ -229,6 +245,10 @@ def main() -> None:
     parser.add_argument(
         "--less", type=float, nargs=2, default=(1.0, 1.0), help="shares of ways and turns that odometry measures"
     )
+    parser.add_argument("--compass", type=float, help="radians that the compasses of all robots read too much")
+    parser.add_argument(
+        "--ahead", type=float, default=0.0, help="metres that the antenna of a GPS stands ahead of its robot"
+    )
     chosen = parser.parse_args()
     totals = new_scores()
     for seed in range(chosen.first, chosen.past):
@@ -244,6 +264,8 @@ def main() -> None:
             longer=chosen.longer,
             askew=chosen.askew,
             less=tuple(chosen.less),
+            compass=chosen.compass,
+            ahead=chosen.ahead,
         )
         played = team.play(chosen.seconds)
         ratios = [f"{n} {t.rmse / played['central'][n].rmse:.2f} {t.coverage():.2f}" for n, t in played["team"].items()]

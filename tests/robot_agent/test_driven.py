@@ -158,8 +158,9 @@ def test_a_fix_without_a_heading_leaves_the_heading_of_the_one_before() -> None:
     gps = SinceStep(fix=Fix(position=(5.0, 4.1), sigma=0.3))
     assert START.fix is not None
     both = START.plus(gps)
-    assert both.fix == gps.fix
-    assert both.compass == (START.fix.heading, START.fix.heading_sigma)
+    assert both.fix == Fix(
+        position=(5.0, 4.1), sigma=0.3, heading=START.fix.heading, heading_sigma=START.fix.heading_sigma
+    )
     robot = new_robot()
     pose, _ = robot.step(both, NOW)
     assert present(pose).covariance[2, 2] == pytest.approx(present(START.fix.heading_sigma) ** 2, rel=0.2)

@@ -40,16 +40,31 @@ def contradicted(
     """
     farthest, worst = quantile(GATE, 1), None
     for state, wide in WIDE.items():
-        before, left = float(entered.covariance[state, state]), float(block.covariance[state, state])
-        if state in but or not LEAST**2 < left < before < wide**2:
+        before, now = ((float(m.mean[state]), float(m.covariance[state, state])) for m in (entered, block))
+        if state in but or not before[1] < wide**2:
             continue
-        usual, then, now = _usual(nuisance, state), float(entered.mean[state]), float(block.mean[state])
-        information = 1 / left - 1 / before + 1 / wide**2
-        mean = (now / left - then / before + usual / wide**2) / information
-        beyond = (now - then) ** 2 / (before - left)
-        if beyond > farthest and information * (SHOWN * wide) ** 2 > 1 and abs(mean - then) <= MOST * wide:
-            worst, farthest = (state, mean, 1 / information), beyond
+        beyond, mean, variance = by_wide_prior(before, now, (_usual(nuisance, state), wide))
+        if beyond > farthest:
+            worst, farthest = (state, mean, variance), beyond
     return worst
+
+
+def by_wide_prior(
+    before: tuple[float, float], now: tuple[float, float], wide: tuple[float, float]
+) -> tuple[float, float, float]:
+    """By how many sigmas, squared, what was seen of a state contradicts its prior, and its mean and variance by a wide one.
+
+    `before` and `now` are mean and variance by the prior and of what is believed, `wide` mean and sigma of the wide prior. 0 sigmas:
+    too little was seen for that, or the state would be farther off than any sensor.
+    """
+    (then, prior), (mean, left) = before, now
+    usual, sigma = wide
+    if not LEAST**2 < left < prior:
+        return 0.0, mean, left
+    information = 1 / left - 1 / prior + 1 / sigma**2
+    led = (mean / left - then / prior + usual / sigma**2) / information
+    enough = information * (SHOWN * sigma) ** 2 > 1 and abs(led - then) <= MOST * sigma
+    return (mean - then) ** 2 / (prior - left) if enough else 0.0, led, 1 / information
 
 
 def _usual(nuisance: Nuisance, state: int) -> float:
