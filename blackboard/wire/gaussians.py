@@ -194,13 +194,19 @@ def one_way(first: Odometry, second: Odometry) -> Odometry:
     A sigma that one of them does not have is left out.
     """
     whole = _motion_of(first).then(_motion_of(second))
-    sums: dict[str, Any] = {
-        name: getattr(whole, name) for name in ("distance", "turn", "dt", "aside", "curved", "driven")
-    }
+    sigmas = {}
     for name in ("distance_sigma", "turn_sigma"):
         one, other = getattr(first, name), getattr(second, name)
-        sums[name] = None if one is None or other is None else math.hypot(one, other)
-    return Odometry(**sums)
+        sigmas[name] = None if one is None or other is None else math.hypot(one, other)
+    return Odometry(
+        distance=whole.distance,
+        turn=whole.turn,
+        dt=whole.dt,
+        aside=whole.aside,
+        curved=whole.curved,
+        driven=whole.driven,
+        **sigmas,
+    )
 
 
 def _motion_of(piece: Odometry) -> Motion:

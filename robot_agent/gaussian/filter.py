@@ -310,7 +310,8 @@ class FirstHand:
         Epochs are numbered by the milliseconds of team time at which they began, so that they also grow where the process
         is started again.
         """
-        self.epoch, self.travelled = max(self.epoch + 1, round(1000 * time)), Motion()
+        self.epoch = max(self.epoch + 1, round(1000 * time))
+        self.travelled = Motion()
 
     def _wheel_noise(self) -> WheelNoise:
         """An estimate of the noise of its wheels that nothing has been learned in yet."""

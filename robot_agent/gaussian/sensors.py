@@ -273,12 +273,16 @@ def wheels_of(odometry: OdometrySection, scale: float = 0.0) -> Wheels:
         nuisance = Nuisance(way, turn, sigmas, WHEELED.walks)
     return Wheels(
         nuisance,
-        **{name: getattr(odometry, name) for name in ("along", "across", "turning", "standing", "lag")},
+        along=odometry.along,
+        across=odometry.across,
         heading=odometry.turn,
+        turning=odometry.turning,
         given=(True, True, True),
         starting=0.0,
+        standing=odometry.standing,
         curved=1.0 if odometry.curve_distance_scale is None else odometry.curve_distance_scale / way,
         driven=1.0 if odometry.curve_turn_scale is None else odometry.curve_turn_scale / turn,
+        lag=odometry.lag,
         drift=odometry.drift or 0.0,
     )
 
