@@ -207,9 +207,9 @@ BUGS = {
     ),
     "passed_on": Bug(
         "a board passes on the newest evidence of each robot alone",
-        DESK,
-        "for then, forwarded in self._forward]",
-        "for then, forwarded in {f.robot: (t, f) for t, f in self._forward}.values()]",
+        "blackboard/board/joint/passing.py",
+        "for then, one in each]",
+        "for then, one in [each[-1]]]",
     ),
     "uncounted": Bug(
         "what the last robot gains by itself is not multiplied in",

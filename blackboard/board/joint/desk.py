@@ -5,7 +5,7 @@ ticks are the robots' own, there are as many steps as the robot that reports mos
 """
 
 import math
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
 from functools import lru_cache
 
@@ -15,7 +15,8 @@ from blackboard.board.dissent import DissentJudge, distance
 from blackboard.board.joint.culprits import Culprits
 from blackboard.board.joint.evidence import learned, names, reason
 from blackboard.board.joint.others import OtherBoards
-from blackboard.board.joint.queue import MAX_ROBOTS, MAX_WAITING, EvidenceQueue
+from blackboard.board.joint.passing import PassedOn
+from blackboard.board.joint.queue import MAX_ROBOTS, EvidenceQueue
 from blackboard.board.joint.room import MAX_OBJECTS
 from blackboard.board.unnamed import counters, may_be
 from blackboard.config import BoardSection
@@ -72,7 +73,7 @@ class JointDesk:
         self._queue = EvidenceQueue(counters, future=settings.future, kept=self.team.objects.kept)
         self._culprits = Culprits(settle, self._begun, counters)
         self._lost = Lost()
-        self._forward: deque[tuple[float, Forwarded]] = deque(maxlen=MAX_WAITING)  # with its team time, seconds
+        self._passed_on = PassedOn(counters)
         self.since: float | None = None  # team time (s) of the first settlement
         self._settled_at: float | None = None  # of the newest one
         self._unnamed: list[Unnamed] = []  # what became of the unnamed sightings that were settled last
@@ -99,8 +100,7 @@ class JointDesk:
         `skew`, and what is refused: as in `EvidenceQueue.take`.
         """
         if self._queue.take(robot, tick, time, packed, skew) and own:
-            self.counters["joint_dropped"] += len(self._forward) == self._forward.maxlen
-            self._forward.append((time, Forwarded(robot=robot, tick=tick, evidence=packed)))
+            self._passed_on.add(time, Forwarded(robot=robot, tick=tick, evidence=packed))
 
     def hear_forward(
         self, forward: Forward, has_robot: Callable[[str], bool] = lambda robot: True, skew: float = 0.0
@@ -127,9 +127,7 @@ class JointDesk:
 
     def forward(self, time: float) -> list[Forwarded]:
         """The own robots' evidence since the last call, sorted, at a team time (s): what the other boards need."""
-        rows = [forwarded.model_copy(update={"age": time - then}) for then, forwarded in self._forward]
-        self._forward.clear()
-        return sorted(rows, key=lambda forwarded: (forwarded.robot, forwarded.tick))
+        return self._passed_on.take(time)
 
     def tracks(self) -> list[PackedTrack]:
         """The tracks that have names, for the other boards."""
