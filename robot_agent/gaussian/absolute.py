@@ -140,8 +140,8 @@ class AbsoluteSensors:
         """Landmarks fit the belief, so readings beyond the gate do not speak against it."""
         self._beyond.clear()
 
-    def is_mounted_otherwise(self, joint: Joint) -> bool:
-        """Whether compass or antenna are found, in this tick, to be mounted otherwise; then all that is believed has changed."""
+    def judge_mounts(self, joint: Joint) -> bool:
+        """Replace the prior of how antenna or compass are mounted, if it is contradicted. Whether that was so."""
         return self.antenna.judge(joint) or self.compass.judge(joint)
 
     def errors(self, joint: Joint) -> dict[str, tuple[float, float]]:

@@ -296,10 +296,10 @@ class FirstHand:
             widen(self.joint, at, variance, self.joint.regression(at) * (mean - self.joint.mean[at]))
             self._widened = (*self._widened, state)
         has_odometry = not self.untold.is_all and self.robot not in self.distrust
-        is_mounted_otherwise = has_odometry and self.absolute.is_mounted_otherwise(self.joint)
-        if is_mounted_otherwise:  # boards hold no such errors: they are to forget the poses that they were told
+        mounted_otherwise = has_odometry and self.absolute.judge_mounts(self.joint)
+        if mounted_otherwise:  # boards hold no such errors: they are to forget the poses that they were told
             self._begin_epoch(time)
-        if worst is not None or is_mounted_otherwise:
+        if worst is not None or mounted_otherwise:
             self.wheels.give_up()
             self.mishaps.forget()
             self._unsent.forget()
