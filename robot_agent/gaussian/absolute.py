@@ -5,7 +5,7 @@ independent noise of each. Where it is larger than claimed, it counts. Where it 
 the rest of it counts as an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as
 one at the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
 
-Where somebody described all of a robot's sensors, nothing is asked of how they are mounted (`mounts`).
+Compass and antenna may be mounted otherwise than told (`mounts`); that is left out where the robot's model has no lasting errors.
 
 No two measurements are equal to the last bit: a receiver that sees no satellite repeats its last fix, and many drivers publish that.
 """
@@ -108,7 +108,7 @@ class AbsoluteSensors:
     antenna: Antenna = field(init=False)
     compass: Mount = field(init=False)
     _newest: Fix | None = None
-    _headed: float = 0.0  # radians: its heading then
+    _headed: float = 0.0  # radians: the robot's heading at the newest fix
     _since: Joint | None = None  # the robot's motion since the newest fix, by odometry
     #: Sensor -> team time (s) of the first reading of a row beyond the gate, and how many there are.
     _beyond: dict[str, tuple[float, int]] = field(default_factory=dict)
@@ -141,11 +141,11 @@ class AbsoluteSensors:
         self._beyond.clear()
 
     def judge_mounts(self, joint: Joint) -> bool:
-        """Replace the prior of how antenna or compass are mounted, if it is contradicted. Whether that was so."""
+        """Give a mounting error of antenna or compass the wide prior if its prior is contradicted. False: none is."""
         return self.antenna.judge(joint) or self.compass.judge(joint)
 
     def errors(self, joint: Joint) -> dict[str, tuple[float, float]]:
-        """Errors by how compass and antenna are mounted, as far as such were found, with the sigma of each, by name."""
+        """The mounting errors of antenna and compass that were found, each with its sigma, by name."""
         return self.antenna.errors(joint) | self.compass.errors(joint)
 
     def contradicts(self, time: float) -> bool:
@@ -164,7 +164,7 @@ class AbsoluteSensors:
         return readings.model_copy(update={"fix": None}) if is_again else readings
 
     def fix_factor(self, joint: Joint, fix: Fix, belief: Joint) -> Factor:
-        """A fix as a measurement, linearised at a joint, with the noise that was found and what the robot's belief has of the arm."""
+        """A fix as a measurement, linearised at a joint, with the noise that was found and the lever arm of the robot's `belief`."""
         factor = place_factor(joint, self.robot, fix, surely(self.fix), self.lasting)
         return self.antenna.measured(joint, factor, self.antenna.known(belief)) if self._is_open else factor
 
@@ -192,7 +192,7 @@ class AbsoluteSensors:
 
     @property
     def _is_open(self) -> bool:
-        """Whether its model leaves errors that last open."""
+        """Whether the robot's model has lasting errors that are not known."""
         return any(self.nuisance.sigmas)
 
     def _factors_of(self, name: str, noise: NoiseFactor) -> NoiseFactors:

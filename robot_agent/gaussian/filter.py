@@ -21,7 +21,7 @@ from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment, gained
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.linearising import linearise
-from blackboard.opinion.gaussian.priors import contradicted, widen
+from blackboard.opinion.gaussian.priors import contradicted, replace_prior
 from blackboard.opinion.gaussian.relation import Relative, forget_biases
 from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.vehicle import (
@@ -281,9 +281,10 @@ class FirstHand:
             self.wheels.judge(self.joint, at if at is not None and self._is_plausible(at) else None)
 
     def _widen_priors(self, time: float) -> None:
-        """Replace priors by wide ones, each once, where they are contradicted (`priors`), at a team time (s).
+        """Replace the priors of the sensors' lasting errors that measurements contradict by wide ones (`priors`), each once.
 
-        Those of the wheels' scales stay: the noise of wheels is a guess, and more of it, or an over-confident fix, looks like a scale.
+        The wheels' scales keep theirs: the noise of wheels is a guess, and more of it, or an over-confident fix, looks like a scale.
+        `time` is the team time in seconds.
         """
         if not self.known:
             return
@@ -292,12 +293,11 @@ class FirstHand:
         worst = contradicted(block, entered, nuisance, (FORWARD, TURN, *self._widened))
         if worst is not None:
             state, mean, variance = worst
-            at = self.joint.blocks[self.robot].start + state
-            widen(self.joint, at, variance, self.joint.regression(at) * (mean - self.joint.mean[at]))
+            replace_prior(self.joint, self.joint.blocks[self.robot].start + state, mean, variance)
             self._widened = (*self._widened, state)
         has_odometry = not self.untold.is_all and self.robot not in self.distrust
         mounted_otherwise = has_odometry and self.absolute.judge_mounts(self.joint)
-        if mounted_otherwise:  # boards hold no such errors: they are to forget the poses that they were told
+        if mounted_otherwise:  # A board keeps what it was told by the wrong model until a new epoch begins.
             self._begin_epoch(time)
         if worst is not None or mounted_otherwise:
             self.wheels.give_up()

@@ -50,7 +50,7 @@ def findings(
     mishaps: Mishaps,
     errors: Mapping[str, tuple[float, float]],
 ) -> dict[str, float]:
-    """Of a belief of the whole block, shape (12,) and (12, 12), and of lasting `errors` beside it, by name, with a sigma each.
+    """Of a belief of the whole block, shape (12,) and (12, 12), and of lasting `errors` beside it, each with its sigma, by name.
 
     Scales are true over told; sigmas follow their value.
     Noise is the factor of the model's sigma. `stuck`: seconds for which its wheels have turned while it stood; `moved`: 1 while it is

@@ -1,11 +1,11 @@
-"""How a robot's compass and the antenna of its fixes are mounted, which nobody told: found by all else that it measures. Pure.
+"""Mounting errors of a robot's compass and GPS antenna, estimated from all else that the robot measures. Pure.
 
-A compass may be turned, and so reads the same angle too much for good. An antenna may stand ahead of the point on which the robot
-turns, or beside it. The robot's own joint holds such errors as blocks, with a prior by which they are small. Once that is
-contradicted, it becomes a wide one (`priors`). With a wide one from the start, exact sensors would be worth little until the robot
-has moved.
+A compass that is mounted askew reads too large an angle, always by the same amount. An antenna may be ahead of the robot's centre of
+rotation, or to its side. The robot's own filter holds these errors as states. Their prior says that they are small. Once measurements
+contradict it, a wide prior takes its place (`priors`). A wide one from the start would make exact sensors useless until the robot has
+moved.
 
-What contradicts a prior is counted since the sensor's noise was last found to be larger. With too little, any mount seems to be seen.
+Noise that is larger than assumed looks like a mounting error. So the evidence is dropped whenever a sensor is found to be noisier.
 """
 
 import math
@@ -15,36 +15,36 @@ import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
-from blackboard.opinion.gaussian.priors import by_wide_prior, widen
+from blackboard.opinion.gaussian.priors import by_wide_prior, replace_prior
 from blackboard.opinion.gaussian.relation import QUARTER
 from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Array
 from robot_agent.gaussian.factors import NoiseFactor
 
-KNOWN = 0.3  # sigma of the binary logarithm of a sensor's noise, up to which its mount is judged
-MORE = 1.5  # times the variance of that noise: what was seen before says nothing
+KNOWN = 0.3  # The mount is judged once the binary logarithm of the sensor's noise has this sigma or less.
+MORE = 1.5  # The evidence is dropped where the variance of the noise is found to be larger by this factor.
 
 
 @dataclass
 class Mount:
-    """Mutable. Each reading is `with_errors`, with the noise that was found (`on_noise`); `judge` them in each tick."""
+    """Mutable: the mounting errors of one sensor. Call `with_errors` and `on_noise` for each reading, and `judge` once a tick."""
 
     robot: str
-    parts: tuple[str, ...]  # names of the errors, as a status tells them
-    small: float  # sigma of the prior of each, unit or radians
-    wide: float  # the same once that is contradicted
-    found: frozenset[int] = frozenset()  # indices of the parts that have the wide prior
-    # Variances of the sensor's noise, over what it claims: with which its mount has been judged, and at most, to one sigma.
-    _noise: float = 1.0
-    _most: float = math.inf  # infinite: not known well enough
+    parts: tuple[str, ...]  # the names of the errors in the robot's status
+    small: float  # sigma of each error by the first prior, unit or radians
+    wide: float  # sigma of each error by the wide prior
+    found: frozenset[int] = frozenset()  # indices of the errors that have the wide prior
+    # The variance of the sensor's noise, as a factor of what the sensor claims.
+    _noise: float = 1.0  # as it was when the evidence was last dropped
+    _most: float = math.inf  # one sigma above the estimate; infinite while the noise is not known well enough
 
     @property
     def block(self) -> Block:
-        """The name of the errors in the robot's joint."""
+        """The name of their block in the robot's joint."""
         return ("mount", self.robot, self.parts)
 
     def errors(self, joint: Joint) -> dict[str, tuple[float, float]]:
-        """Those that were found, and their sigmas, by name."""
+        """The errors that have the wide prior, each with its sigma, by name."""
         known = self.known(joint)
         return {
             self.parts[part]: (float(known.mean[part]), math.sqrt(float(known.covariance[part, part])))
@@ -52,11 +52,11 @@ class Mount:
         }
 
     def known(self, joint: Joint) -> Moments:
-        """What is known of the errors."""
+        """Mean and covariance of the errors, shape (parts,) and (parts, parts)."""
         return joint.moments(self.block) if self.block in joint else self._prior()
 
     def with_errors(self, factor: Factor, rows: Array, known: Moments) -> Factor:
-        """A measurement that errs by these, of which this is known, too; `rows` are its derivatives, shape (m, parts)."""
+        """The same measurement with these errors as further states; `rows` are its derivatives by them, shape (m, parts)."""
         return replace(
             factor,
             residual=factor.residual - rows @ known.mean,
@@ -65,7 +65,7 @@ class Mount:
         )
 
     def on_noise(self, joint: Joint, noise: NoiseFactor, variance: float) -> None:
-        """So noisy was the sensor found to be, and this `variance`, over what it claims, counts until more is known."""
+        """Take the estimate of the sensor's noise; the filter uses this `variance`, a factor of what the sensor claims."""
         self._most = max(variance, float(4.0 ** (noise.mean + noise.sigma))) if noise.sigma <= KNOWN else math.inf
         if variance > MORE * self._noise:
             self._noise, self.found = variance, frozenset()
@@ -73,7 +73,7 @@ class Mount:
                 joint.drop(self.block)
 
     def judge(self, joint: Joint) -> bool:
-        """Replace the prior that is contradicted most, even with the most noise that may be. Whether there was one."""
+        """Give the error whose prior is contradicted most the wide prior. False: none is, if the noise is as large as it may be."""
         if self.block not in joint:
             return False
         known, at = joint.moments(self.block), joint.blocks[self.block].start
@@ -86,7 +86,7 @@ class Mount:
         if worst is None:
             return False
         part, mean, variance = worst
-        widen(joint, at + part, variance, joint.regression(at + part) * (mean - joint.mean[at + part]))
+        replace_prior(joint, at + part, mean, variance)
         self.found |= {part}
         return True
 
@@ -96,18 +96,18 @@ class Mount:
 
 
 def compass_of(robot: str) -> Mount:
-    """A robot's compass: small ones beside motors and batteries err by 10 degrees, and north may be another one than the map's."""
+    """The mount of a robot's compass. Motors and batteries nearby turn small ones by 10 degrees; magnetic north is not the map's."""
     return Mount(robot, ("compass bias",), 0.001, 0.2)
 
 
 class Antenna(Mount):
-    """Mutable: the arm from the point on which a robot turns to the antenna of its fixes, in units."""
+    """Mutable: the lever arm, from a robot's centre of rotation to the antenna of its GPS, in the grid's unit."""
 
     def __init__(self, robot: str) -> None:
         super().__init__(robot, ("antenna ahead", "antenna left"), 0.01, 0.5)
 
     def measured(self, joint: Joint, factor: Factor, arm: Moments) -> Factor:
-        """A measurement of the robot's place, linearised at a joint, as one of the antenna's, with what is known of the arm."""
+        """A measurement of the robot's place, linearised at a joint, turned into one of the antenna's place."""
         turned = _rotation(float(joint.moments(self.robot).mean[HEADING]))
         by_robot = factor.jacobians[self.robot].copy()
         by_robot[:, HEADING] += QUARTER @ turned @ arm.mean
@@ -115,7 +115,7 @@ class Antenna(Mount):
         return self.with_errors(factor, turned, arm)
 
     def swung(self, joint: Joint, before: float, now: float) -> Moments:
-        """How far the antenna has moved around the robot from a heading (rad) to another one, shape (2,), unit."""
+        """How far a turn from one heading (rad) to another has moved the antenna: shape (2,) and (2, 2), unit."""
         by, arm = _rotation(now) - _rotation(before), self.known(joint)
         return Moments(by @ arm.mean, by @ arm.covariance @ by.T)
 

@@ -10,23 +10,22 @@ ROOM = MAX_BYTES * 9 // 10  # bytes for the evidence in a message; the tracks ha
 
 
 class PassedOn:
-    """Mutable: what waits to be passed on. Where there is no room for all, who has told most loses the oldest: `joint_dropped`."""
+    """Mutable: evidence that waits for the next message. Too much: the robot with most loses its oldest piece (`joint_dropped`)."""
 
     def __init__(self, counters: Counter[str]) -> None:
         self._counters = counters
-        self._waiting: dict[
-            str, deque[tuple[float, Forwarded]]
-        ] = {}  # robot -> team times (s) and evidence, the oldest first
+        #: Robot -> team times (s) and evidence, the oldest first.
+        self._waiting: dict[str, deque[tuple[float, Forwarded]]] = {}
 
     def add(self, time: float, forwarded: Forwarded) -> None:
-        """Evidence of a team time (s) is to be passed on."""
+        """Queue a piece of evidence, of a team time (s)."""
         self._waiting.setdefault(forwarded.robot, deque()).append((time, forwarded))
         lengths = {robot: len(waiting) for robot, waiting in self._waiting.items()}
         if sum(lengths.values()) > MAX_OPINIONS:
             self._drop_of(lengths)
 
     def take(self, time: float) -> list[Forwarded]:
-        """All that waits, sorted, at a team time (s); then nothing waits."""
+        """Empty the queue at a team time (s): its evidence, by robot and tick, as much as a message holds."""
         sizes = {robot: [_size(one) for _, one in waiting] for robot, waiting in self._waiting.items()}
         totals = {robot: sum(each) for robot, each in sizes.items()}
         while sum(totals.values()) > ROOM:
@@ -37,7 +36,7 @@ class PassedOn:
         return sorted(rows, key=lambda forwarded: (forwarded.robot, forwarded.tick))
 
     def _drop_of(self, amounts: dict[str, int]) -> str:
-        """Drop the oldest of the robot that has most, of several the first by name: the robot."""
+        """Drop the oldest piece of the robot with the largest amount, and return that robot; among equals the first by name."""
         robot = min(amounts, key=lambda robot: (-amounts[robot], robot))
         self._waiting[robot].popleft()
         self._counters["joint_dropped"] += 1

@@ -153,9 +153,9 @@ class Influence(Copyable):
         return moved, honest
 
     def after_shift(self, joint: Joint, robot: str, shift: Array, sigmas: Array) -> tuple[Array, Array]:
-        """D and C once all means move by `shift`, shape (n,), because of what `robot` told.
+        """D and C as they will be after all means have moved by `shift`, shape (n,), by evidence of `robot`.
 
-        An honest robot would move them by one normal random number times `sigmas`, shape (n,).
+        By evidence of an honest robot they move by `sigmas`, shape (n,), times one standard normal number.
         """
         self._follow(joint)
         rows, row = joint.indices(self._places, 2).ravel(), self._sources.index(robot)

@@ -78,6 +78,11 @@ def widen(joint: Joint, state: int, variance: float, moved: Array) -> None:
     turn_ties(joint, moved)
 
 
+def replace_prior(joint: Joint, state: int, mean: float, variance: float) -> None:
+    """Give a state, by its index, the mean and variance that it has by the wide prior; all else follows by regression on it."""
+    widen(joint, state, variance, joint.regression(state) * (mean - joint.mean[state]))
+
+
 def found_in(parameters: Mapping[str, object]) -> dict[str, float]:
     """Those parameters of a consensus that tell sensor errors (`FOUND`): name -> value; what is no number is left out."""
     return {name: value for name in FOUND.values() if isinstance(value := parameters.get(name), float)}
