@@ -14,7 +14,7 @@ import numpy as np
 from blackboard.opinion.chi_squared import GATE, wilson_hilferty
 from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Factor, squared_distance
-from blackboard.opinion.gaussian.relation import Relative
+from blackboard.opinion.gaussian.relation import QUARTER, Relative
 from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
@@ -56,18 +56,24 @@ class Freshness(Copyable):
         self._held = {observer: held - dt for observer, held in self._held.items() if held > dt}
 
     def on_sighting(self, sighting: Relative, factor: Factor) -> None:
-        """Take a sighting against what the joint expects. One that declares lasting errors counts so already."""
+        """Take a sighting against what the joint expects. Lasting errors of its range account for that, not for its bearing."""
         residual, noise = factor.residual[AXES], factor.noise[AXES, AXES]
+        observer, kind, is_plane = sighting.observer, str(sighting.kind), sighting.places
         if sum(bias.sigma**2 for bias in sighting.biases) > DECLARED * np.trace(noise):
-            return
-        if sighting.places:
+            if not is_plane:
+                return
+            along = sum((factor.jacobians[block][AXES, 0] for block in sighting.blocks()), np.zeros(2))
+            across = (QUARTER @ along / np.hypot(*along))[np.newaxis]
+            residual, noise = across @ residual, across @ noise @ across.T
+            kind, is_plane = "across", False
+        elif is_plane:
             turned = factor.jacobians[sighting.subject][AXES, AXES].T
             residual, noise = turned @ residual, turned @ noise @ turned.T
-        observer, of = sighting.observer, (sighting.observer, sighting.subject, sighting.kind)
+        of = observer, sighting.subject, kind
         before, newest = self._trails.get(of), tuple[float, ...]()
         if before is not None:
             squared = CAUTIOUS**2 * squared_distance(residual - before.residual, noise + before.noise)
-            tail = -math.expm1(-squared / 2) if sighting.places else math.erf(math.sqrt(squared / 2))
+            tail = -math.expm1(-squared / 2) if is_plane else math.erf(math.sqrt(squared / 2))
             small = -2 * math.log(max(RAREST, tail))
             newest = (*before.newest, small)[-OF_PAIR:]
             of_all = self._observers[observer] = (*self._observers.get(observer, ()), small)[-OF_OBSERVER:]

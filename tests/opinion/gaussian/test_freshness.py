@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.freshness import HELD, Freshness
-from blackboard.opinion.gaussian.joint import Factor
+from blackboard.opinion.gaussian.joint import Block, Factor
 from blackboard.opinion.gaussian.relation import Bias, Kind, Relative, measured
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
@@ -28,7 +28,12 @@ SIGMA = 0.5  # what a sighting claims
 
 
 def sightings_of(
-    team: TeamJoint, observer: str, whom: str, aside: float = 0.0, kind: Kind = "range-bearing"
+    team: TeamJoint,
+    observer: str,
+    whom: str,
+    aside: float = 0.0,
+    kind: Kind = "range-bearing",
+    biases: tuple[Bias, ...] = (),
 ) -> tuple[Relative, ...]:
     """A subject `aside` of where the team has it, as seen from where the observer is by its own evidence; nothing of an unknown one."""
     if not team.knows(whom):
@@ -39,7 +44,7 @@ def sightings_of(
         return (measured("range", observer, whom, (away,), (SIGMA**2,)),)
     if kind == "bearing":
         return (measured("bearing", observer, whom, (bearing,), ((SIGMA / away) ** 2,)),)
-    return (Relative(observer, whom, away, bearing, SIGMA**2, (SIGMA / away) ** 2),)
+    return (Relative(observer, whom, away, bearing, SIGMA**2, (SIGMA / away) ** 2, biases=biases),)
 
 
 def says(robot: str, tick: int, relatives: tuple[Relative, ...] = (), *, moving: bool = True) -> Evidence:
@@ -63,10 +68,13 @@ def run(lies: Callable[[TeamJoint], list[tuple[Relative, ...]]]) -> TeamJoint:
     return team
 
 
-@pytest.mark.parametrize("kind", ["range-bearing", "range", "bearing"])
-def test_who_sees_its_mates_where_the_team_has_them_makes_it_no_surer(kind: Kind) -> None:
+@pytest.mark.parametrize(
+    ("kind", "biases"),
+    [("range-bearing", ()), ("range", ()), ("bearing", ()), ("range-bearing", (Bias(1.0, 60.0),))],
+)
+def test_who_sees_its_mates_where_the_team_has_them_makes_it_no_surer(kind: Kind, biases: tuple[Bias, ...]) -> None:
     """Before, a mate's standard deviation fell to .6 of what it is without the liar."""
-    lied_to = run(lambda team: [sightings_of(team, LIAR, whom, kind=kind) for whom in MATES])
+    lied_to = run(lambda team: [sightings_of(team, LIAR, whom, kind=kind, biases=biases) for whom in MATES])
     for mate in MATES:
         sigmas = [math.sqrt(np.trace(team.marginal(mate).covariance)) for team in (lied_to, run(lambda _: []))]
         assert sigmas[0] > 0.95 * sigmas[1]
@@ -116,11 +124,12 @@ def test_an_exact_sensor_of_robots_that_stand_is_taken_for_no_liar() -> None:
     assert team.marginal(mate).mean[0] - PLACES[mate][0] > 0.4, "its own fixes say 0, what is seen says 1"
 
 
-def factor(residual: Array) -> tuple[Relative, Factor]:
-    sighting = Relative("robot/a", "robot/b", 5.0, 0.0, SIGMA**2, 0.01)
+def factor(residual: Array, biases: tuple[Bias, ...] = ()) -> tuple[Relative, Factor]:
+    sighting = Relative("robot/a", "robot/b", 5.0, 0.0, SIGMA**2, 0.01, biases=biases)
     rows = np.zeros((2, STATES))
     rows[AXES, AXES] = np.eye(2)
-    return sighting, Factor(residual, {"robot/b": rows}, SIGMA**2 * np.eye(2))
+    lasting: dict[Block, Array] = {block: np.array([[sigma], [0.0]]) for block, sigma in sighting.blocks().items()}
+    return sighting, Factor(residual, {"robot/b": rows, **lasting}, SIGMA**2 * np.eye(2))
 
 
 @settings(max_examples=25, deadline=None)
@@ -138,7 +147,7 @@ def test_of_those_with_half_the_noise_that_they_claim_or_more_hardly_any_is_held
     assert held <= 50, "two false alarms"
 
 
-def test_who_begins_to_say_anew_what_it_sees_is_believed_again_and_who_declares_lasting_errors_all_the_time() -> None:
+def test_who_begins_to_say_anew_what_it_sees_is_believed_again() -> None:
     chance, freshness = np.random.default_rng(3), Freshness()
     for tick in range(20 + round(2 * HELD / DT)):
         sighting, evidence = factor(np.array([2.0, 0.0]) if tick < 20 else SIGMA * chance.normal(size=2))
@@ -147,8 +156,15 @@ def test_who_begins_to_say_anew_what_it_sees_is_believed_again_and_who_declares_
         if tick == 19:
             assert freshness.doubts(sighting.observer)
     assert not freshness.doubts(sighting.observer)
-    freshness = Freshness()
-    declared = replace(sighting, biases=(Bias(SIGMA, 60.0),))
-    for _ in range(20):
-        freshness.on_sighting(declared, factor(np.array([2.0, 0.0]))[1])
-    assert not freshness.doubts(declared.observer)
+
+
+@pytest.mark.parametrize(("noise", "is_doubted"), [(1.0, False), (0.5, False), (0.0, True)])
+def test_who_declares_lasting_errors_of_its_ranges_is_believed_as_long_as_its_bearings_have_their_noise(
+    noise: float, is_doubted: bool
+) -> None:
+    """Before, whoever declared them was not asked for any noise."""
+    chance, freshness = np.random.default_rng(3), Freshness()
+    for _ in range(40):
+        residual = np.array([2.0, noise * SIGMA * chance.normal()])
+        freshness.on_sighting(*factor(residual, (Bias(SIGMA, 60.0),)))
+    assert freshness.doubts("robot/a") == is_doubted
