@@ -7,7 +7,9 @@ A claimed covariance says nothing about the truth. So a board holds three things
   however often they come and however little it claims that its motion adds; nor much better than the belief that it tells beside
   them, which `contacts` holds against its mates': of an honest robot the two are the same but for where they linearise;
 - the belief with which it enters: no sharper, and after `ENTRIES` beginnings in a row wider, as `RENEWAL` says. Its mates keep what
-  they learned from the epochs before, so a robot that begins anew each tick would count once for each.
+  they learned from the epochs before, so a robot that begins anew each tick would count once for each. Nor does who begins again
+  know more than it said before, or than two of its mates say of themselves. Where the team's sensors tell less than the sharpest
+  could, a robot that claims to be certain would else outweigh all its mates.
 
 Nothing that stays within them is changed, to the bit.
 """
@@ -61,10 +63,17 @@ class Limits(Copyable):
             return belief
         left = self._entries.get(robot, ENTRIES)
         self._entries[robot] = max(0.0, left - 1.0)
-        belief = Moments(belief.mean, self.blunted(belief.covariance) / min(1.0, max(left, LEAST)))
+        blunted = _blunted(belief.covariance, max(self.sharpest**2, self._known(robot)))
+        belief = Moments(belief.mean, blunted / min(1.0, max(left, LEAST)))
         self._alone[robot] = Joint()
         self._alone[robot].add(robot, belief)
         return belief
+
+    def _known(self, robot: str) -> float:
+        """The least variance (unit^2) of its place that a robot had that begins again, or that two of its mates have; 0: it is new."""
+        least = {name: _sharpest(own, name) for name, own in self._alone.items()}
+        before = least.pop(robot, 0.0)
+        return min(before, sorted(least.values())[1]) if len(least) > 1 else 0.0
 
     def drive(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
         """Move a robot by what it says of itself."""
@@ -117,13 +126,23 @@ class Limits(Copyable):
 
     def blunted(self, covariance: Array) -> Array:
         """A covariance with a place that is known no better than the sharpest sensor could tell; the same one where it is not."""
-        values, axes = np.linalg.eigh(covariance[AXES, AXES])
-        lacking = np.maximum(0.0, self.sharpest**2 - values)
-        if not lacking.any():
-            return covariance
-        blunted = covariance.copy()
-        blunted[AXES, AXES] += (axes * lacking) @ axes.T
-        return blunted
+        return _blunted(covariance, self.sharpest**2)
+
+
+def _blunted(covariance: Array, least: float) -> Array:
+    """A covariance with a place that has at least a least variance in every direction; the same one where it has."""
+    values, axes = np.linalg.eigh(covariance[AXES, AXES])
+    lacking = np.maximum(0.0, least - values)
+    if not lacking.any():
+        return covariance
+    blunted = covariance.copy()
+    blunted[AXES, AXES] += (axes * lacking) @ axes.T
+    return blunted
+
+
+def _sharpest(alone: Joint, robot: str) -> float:
+    """The least variance of a robot's own place, in any direction."""
+    return float(np.linalg.eigvalsh(alone.moments(robot).covariance[AXES, AXES])[0])
 
 
 @lru_cache(maxsize=256)  # all sightings of a robot have one profile

@@ -128,6 +128,37 @@ def test_a_robot_that_begins_anew_each_tick_does_not_drag_its_mates_along(
     assert abs(team_joint.marginal(MATE).mean[0]) < 2.0
 
 
+def begun_again(before: float, mates: tuple[float, ...], claimed: float) -> float:
+    """The variance of the place of a robot that begins again, and is certain of it, among mates that know theirs so well."""
+    team_joint = limited()
+    for tick, own in enumerate([before, claimed]):
+        said = {LIAR: own} | {f"{MATE}{n}": variance for n, variance in enumerate(mates)}
+        news = [
+            Evidence(robot, tick if robot == LIAR else 0, tick, Motion(), Nuisance(), began((0.0, 0.0), variance))
+            for robot, variance in said.items()
+        ]
+        team_joint.settle(tick, 0.2, news)
+    return float(np.linalg.eigvalsh(team_joint.marginal(LIAR).covariance)[0])
+
+
+@given(st.floats(1.0, 100.0), st.lists(st.floats(1.0, 100.0), min_size=2, max_size=5), SURE)
+@settings(deadline=None, max_examples=20)
+def test_who_begins_again_knows_no_more_than_it_did_or_than_two_mates_do(
+    before: float, mates: list[float], sure: float
+) -> None:
+    """Before, it counted as the sharpest sensor, and outweighed five mates of which none had seen a landmark."""
+    claimed = 1 / sure
+    expected = max(claimed, min(before, sorted(mates)[1]), SHARPEST**2)
+    assert begun_again(before, tuple(mates), claimed) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("before", "mates"), [(0.3, (9.0, 9.0, 9.0)), (9.0, (0.3, 0.3, 9.0)), (9.0, (9.0,))])
+def test_a_robot_that_was_started_again_is_believed_to_know_its_place_as_it_or_as_two_others_did(
+    before: float, mates: tuple[float, ...]
+) -> None:
+    assert begun_again(before, mates, 0.3) == pytest.approx(0.3)
+
+
 def driven(objects: int) -> float:
     """How far a robot gets that drives 20 cells with so many objects that stay where they are beside it."""
     team_joint, travelled = limited(), Motion()
