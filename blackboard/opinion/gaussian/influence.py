@@ -8,7 +8,8 @@ Evidence of others, whose derivatives are H, leaves (I - K H) D of it: they corr
 evidence are white. So the covariance C of D is known: K S K^T is added, and (I - K H) C (I - K H)^T is left. Headings are left out.
 
 Evidence that moves somebody else's place, so that a robot's D is beyond the 99.9 % region of C and farther than before, moves the own
-places of those alone who have moved it (Schmidt 1966).
+places of those alone who have moved it (Schmidt 1966). Nobody moves whom another one has moved that far: a robot whose odometry lies
+and a mate that sees it would else follow each other without end.
 """
 
 import math

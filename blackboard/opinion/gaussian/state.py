@@ -320,7 +320,8 @@ class TeamState(Copyable):
         after = self.influence.after(self.joint, robot, factor, expected) if only is None else None
         if after is not None and (beyond := self.influence.beyond(self.joint, after)):
             self.tally.bounded += 1
-            only = self._of({source for source, _ in beyond})
+            # Of two that have moved each other too far nobody can tell which one led the other: neither moves.
+            only = self._of({source for source, _ in beyond} - {place for _, place in beyond}) or []
             for source, place in sorted(beyond):
                 if self.is_alone(source, place):
                     self.disputes.set_back(source, place)

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.increment import Increment
-from blackboard.opinion.gaussian.influence import FARTHEST, MEMORY, Influence
-from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.influence import FAINT, FARTHEST, MEMORY, Influence
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, STATES
+from blackboard.opinion.gaussian.vehicle import AXES, STATES, correct
 from blackboard.opinion.grid import Array
 from tests.opinion.gaussian.standing import LIAR, PLACES, SPREAD, says
 
@@ -186,6 +186,28 @@ def test_whatever_one_of_six_says_its_mates_are_no_farther_off_than_an_honest_on
         away: list[Array] = [team.marginal(robot).mean - at for robot, at in PLACES.items() if robot != LIAR]
         farthest = max(farthest, *(float(np.hypot(*offset)) for offset in away))
     assert farthest <= BOUND * math.exp((TICKS - BEGIN) * 0.2 / MEMORY)
+
+
+@pytest.mark.parametrize("step", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("noise", [0.005, 0.02, 0.1])
+def test_a_robot_whose_odometry_leads_it_away_takes_a_mate_that_sees_it_no_farther_along(
+    step: float, noise: float
+) -> None:
+    """Both stand. Before, each made the other follow: the mate went 5 to 20 units in 8 s, and 98 to 1091 stood here for 13.8."""
+    team, mate, rows = TeamJoint(), ROBOTS[0], np.eye(2, STATES)
+    for robot in (mate, LIAR):
+        team.joint.add(robot, Moments(np.zeros(STATES), np.diag([SPREAD, SPREAD, *[1e-4] * (STATES - 2)])))
+    for _ in range(40):
+        team.influence.pass_time(0.2)
+        for robot, way in ((mate, 0.0), (LIAR, step)):
+            moved = team.joint.moments(robot).mean + way * np.eye(STATES)[0]
+            team.joint.move(robot, moved, np.eye(STATES), noise * rows.T @ rows)
+        apart = (team.joint.moments(LIAR).mean - team.joint.moments(mate).mean)[AXES]
+        seen = Factor(-apart, {mate: -rows, LIAR: rows}, 0.25 * np.eye(2))
+        correct(team.joint, seen, team.bounded(mate, seen))
+        led, honest = team.influence.moved(LIAR)
+        faint = FAINT * float(team.joint.variances[AXES].mean()) * np.eye(2)
+        assert squared_distance(led[AXES], honest[AXES, AXES] + faint) <= FARTHEST
 
 
 @pytest.mark.parametrize("scale", [0.0, 0.05, 0.1])
