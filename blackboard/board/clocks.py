@@ -46,10 +46,10 @@ class Clocks:
         if self.differ and status.sent is not None and echo is not None:
             self.offsets.round_trip(source, status.sent, *echo, now)
 
-    def adopt(self, status: Status) -> None:
-        """Take what another board of the sub-team found."""
+    def adopt(self, status: Status, now: float) -> None:
+        """Take what another board of the sub-team finds."""
         if self.differ:
-            self.offsets.hear_offsets(status.clocks)
+            self.offsets.hear_offsets(status.clocks, now)
 
     def on_time(self, source: str, message: M, now: float) -> M:
         """A message with its stamp by this board's clock. Refused: as `corrected`."""

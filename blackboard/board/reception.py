@@ -204,7 +204,7 @@ class Reception:
         """Another board of this sub-team says whether it leads, and what it has published."""
         self.participants.check_twin(status.process)
         if not status.follows:
-            self.clocks.adopt(status)
+            self.clocks.adopt(status, now)
         newest = self.clock.time(now) + self.board.settings.future
         return self.lead.hear_status(status, now, newest, any_tick=self.clocks.differ)
 

@@ -21,6 +21,7 @@ WINDOW = 8  # round trips, and stamps, of each source that are remembered
 RESOLUTION = 1e-3  # seconds: a round trip may seem to be shorter than nothing by as much
 LONGEST = 2.0  # seconds of a round trip; a longer one is too inexact
 TOLERANCE = 0.2  # seconds: a clock that is off by less, or by less than the round trip, is left alone
+OLD = 5.0  # seconds without a round trip after which what another board finds counts: the source may have another clock by now
 MAX_SOURCES = 256
 
 
@@ -28,7 +29,7 @@ class ClockOffsets:
     """The offsets of sources by name. All times are in seconds; `now` is this process's Unix time."""
 
     def __init__(self) -> None:
-        self._trips: dict[str, deque[tuple[float, float]]] = {}  # round trip, and seconds ahead
+        self._trips: dict[str, deque[tuple[float, float, float]]] = {}  # round trip, seconds ahead, and when it ended
         self._early: dict[str, deque[float]] = {}  # seconds that stamps were ahead of their arrival
         self._told: dict[str, float] = {}  # what another process found
         self._ahead: dict[str, float] = {}  # what is corrected, which changes in steps of `TOLERANCE` at least
@@ -37,7 +38,7 @@ class ClockOffsets:
         """A source sent something at a time of its clock, `held` seconds after it got what this process stamped."""
         trip = now - stamp - held
         if -RESOLUTION <= trip <= LONGEST:
-            _kept(self._trips, source).append((max(0.0, trip), sent - (now - trip / 2)))
+            _kept(self._trips, source).append((max(0.0, trip), sent - (now - trip / 2), now))
             self._settle(source)
 
     def stamped(self, source: str, stamp: float, now: float) -> None:
@@ -45,10 +46,13 @@ class ClockOffsets:
         _kept(self._early, source).append(stamp - now)
         self._settle(source)
 
-    def hear_offsets(self, offsets: Mapping[str, float]) -> None:
-        """What another board of the sub-team found, which counts where this process has no round trip of its own."""
-        self._told = dict(list(offsets.items())[:MAX_SOURCES])
-        for source in self._told:
+    def hear_offsets(self, offsets: Mapping[str, float], now: float) -> None:
+        """What another board of the sub-team finds: all of it, where this process has had no round trip of its own lately."""
+        over = [source for source, trips in self._trips.items() if trips[-1][2] < now - OLD]
+        for source in over:
+            del self._trips[source]
+        before, self._told = self._told, dict(list(offsets.items())[:MAX_SOURCES])
+        for source in dict.fromkeys([*before, *self._told, *over]):
             self._settle(source)
 
     def ahead(self, source: str) -> float:
@@ -63,7 +67,7 @@ class ClockOffsets:
         trips, before = self._trips.get(source), self._ahead.get(source, 0.0)
         error = TOLERANCE
         if trips:
-            trip, ahead = min(trips)
+            trip, ahead, _ = min(trips)
             error = max(TOLERANCE, trip)
         elif source in self._told:
             ahead = self._told[source]

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blackboard.process.offsets import LONGEST, MAX_SOURCES, TOLERANCE, WINDOW, ClockOffsets, StampEchoes
+from blackboard.process.offsets import LONGEST, MAX_SOURCES, OLD, TOLERANCE, WINDOW, ClockOffsets, StampEchoes
 
 seconds = st.floats(0.0, 0.4)
 
@@ -78,11 +78,31 @@ def test_small_changes_move_no_stamp() -> None:
 
 def test_what_another_board_found_counts_until_there_is_a_round_trip() -> None:
     offsets = ClockOffsets()
-    offsets.hear_offsets({"r1": -3.0})
+    offsets.hear_offsets({"r1": -3.0}, 100.0)
     assert offsets.ahead("r1") == -3.0
     trip(offsets, -4.0)
-    offsets.hear_offsets({"r1": -3.0})
+    offsets.hear_offsets({"r1": -3.0}, 100.0)
     assert offsets.ahead("r1") == pytest.approx(-4.0)
+
+
+def test_a_round_trip_with_an_earlier_clock_does_not_outlast_what_another_board_finds() -> None:
+    """As on a board that no longer leads, whose stamps no robot sends back, while a robot is started again."""
+    offsets = ClockOffsets()
+    end = trip(offsets, 0.0)
+    offsets.hear_offsets({"r1": -2.5}, end + OLD)
+    assert offsets.ahead("r1") == 0.0
+    offsets.hear_offsets({"r1": -2.5}, end + OLD + 0.1)
+    assert offsets.ahead("r1") == -2.5
+    trip(offsets, 5.0, now=end)
+    offsets.hear_offsets({}, end + OLD + 0.1)
+    assert offsets.corrections() == {}
+
+
+def test_what_another_board_finds_no_more_is_forgotten() -> None:
+    offsets = ClockOffsets()
+    offsets.hear_offsets({"r1": 2.0}, 100.0)
+    offsets.hear_offsets({}, 100.0)
+    assert offsets.corrections() == {}
 
 
 def test_memory_is_bounded() -> None:
@@ -91,7 +111,7 @@ def test_memory_is_bounded() -> None:
         offsets.stamped(f"r{number}", 103.0, 100.0)
         offsets.round_trip(f"q{number}", 103.0, 100.0, 0.0, 100.0)
         echoes.hear_stamp(f"b{number}", 1.0, 100.0)
-    offsets.hear_offsets({f"p{number}": 9.0 for number in range(2 * MAX_SOURCES)})
+    offsets.hear_offsets({f"p{number}": 9.0 for number in range(2 * MAX_SOURCES)}, 100.0)
     assert len(offsets.corrections()) <= MAX_SOURCES
     assert len(echoes.held(100.0)) == MAX_SOURCES
 
