@@ -1,6 +1,6 @@
 """What a robot says of its reports by what its team knows, a `Budget` beside what was agreed on last, and of its speed. Pure."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -36,7 +36,7 @@ class Sender:
     def __init__(self, budget: Budget, robot: str) -> None:
         self._budget, self._own = budget, f"robot/{robot}"
         self._standing: dict[str, TeamKnowledge] = {}  # what was agreed last, by subject
-        self._boards: set[str] = set()  # that were there in the newest tick
+        self._arrivals = 0  # of boards, until the newest tick
 
     def choose(
         self,
@@ -44,13 +44,16 @@ class Sender:
         time: float,
         speed: float | None,
         agreed: Mapping[str, Consensus],
-        boards: Collection[str],
+        arrivals: int,
     ) -> Sending:
-        """What is sent of the reports of a tick at a team time (s), after what was `agreed` since the last, to `boards`."""
+        """What is sent of the reports of a tick at a team time (s), after what was `agreed` since the last.
+
+        `arrivals`: how often a board has come. One that was started again needs the whole state, however soon it is back.
+        """
         self._standing |= {subject: self._standing_of(consensus) for subject, consensus in agreed.items()}
-        if set(boards) - self._boards:
+        if arrivals != self._arrivals:
+            self._arrivals = arrivals
             self._budget.repeat_state()
-        self._boards = set(boards)
         choice = self._budget.choose(reports, time, speed, self._standing)
         wanted = {report.subject for report in reports}
         self._standing = {subject: standing for subject, standing in self._standing.items() if subject in wanted}

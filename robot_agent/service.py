@@ -228,7 +228,7 @@ class AgentService(Around):
                 unnamed = sum(map(is_class, readings.subjects)) - sum(len(report.unnamed) for report in reports)
                 self.counters.update({"unused_unnamed": unnamed} if unnamed else {})
             if self._sender is not None:
-                choice = self._sender.choose(reports, readings.time, speed, agreed, self.peer.boards)
+                choice = self._sender.choose(reports, readings.time, speed, agreed, self._arrivals)
                 reports, kept = choice.reports, sorted(choice.kept)
                 self.agent.on_sent(choice)
             self._failed = 0

@@ -111,11 +111,6 @@ class Peer(Around):
         """See what time has changed; no status is due by that."""
         return self.listener.wake(now)
 
-    @property
-    def boards(self) -> set[str]:
-        """The boards of its sub-teams that are there."""
-        return {board for sub_team in self.sub_teams for board in self.roster.boards.get(sub_team, [])}
-
     def check(self) -> None:
         """AssertionError: an invariant does not hold."""
         super().check()

@@ -82,19 +82,43 @@ class Before:
     goes_by: tuple[Pace, str]
     refused: int
     handled: int
+    unregistered: int  # of those that were refused
     told: tuple[Told, ...] = ()
     is_own: bool = False  # whether it is told by a robot of its sub-team, not passed on
+    registered: tuple[Told, ...] = ()  # of what another board passes on, that of robots which the board has there
 
     @classmethod
-    def of(cls, service: BoardService, told: tuple[Told, ...] = (), *, is_own: bool = False) -> "Before":
-        goes_by = service.clock.pace, service.clock.run
-        return cls(service.board, goes_by, service.refused.total(), service.counters["heard"], told, is_own)
+    def of(
+        cls,
+        service: BoardService,
+        told: tuple[Told, ...] = (),
+        *,
+        is_own: bool = False,
+        registered: tuple[Told, ...] = (),
+    ) -> "Before":
+        goes_by, refused = (service.clock.pace, service.clock.run), service.refused
+        counts = refused.total(), service.counters["heard"], refused["unregistered"]
+        return cls(service.board, goes_by, *counts, told, is_own, registered)
 
     def taken(self, service: BoardService) -> tuple[Told, ...]:
-        """What has been handled: the board did not refuse the message, nor keep it for later, nor begin anew."""
+        """What has been handled: the board did not refuse the message, nor keep it for later, nor begin anew.
+
+        What is passed on of a robot that is not there costs nothing of what else is passed on.
+        """
         now = Before.of(service)
-        same = (self.board, self.goes_by, self.refused) == (now.board, now.goes_by, now.refused)
-        return self.told if same and now.handled > self.handled else ()
+        if (self.board, self.goes_by) != (now.board, now.goes_by):
+            return ()
+        if now.unregistered - self.unregistered == now.refused - self.refused == 1:
+            return self.registered
+        return self.told if now.refused == self.refused and now.handled > self.handled else ()
+
+
+def registered(envelope: Envelope, service: BoardService, told: tuple[Told, ...]) -> tuple[Told, ...]:
+    """Of what a board that is there passes on: that of robots which are there."""
+    message, there = opened(envelope)[2], service.participants
+    if not isinstance(message, Forward) or not there.has_board(message.sub_team, message.board):
+        return ()
+    return tuple(one for one in told if there.has_robot(one.piece[0].removeprefix("robot/"), message.sub_team))
 
 
 class HeardIsSettled(Oracle):
@@ -128,7 +152,8 @@ class HeardIsSettled(Oracle):
             honest = tuple(one for one in told if one.piece[0] not in self.night.liars)
             if honest:
                 is_own = keys.REPORT.match(event.envelope.key) is not None
-                self._hears[event.process] = Before.of(service, honest, is_own=is_own)
+                there = registered(event.envelope, service, honest)
+                self._hears[event.process] = Before.of(service, honest, is_own=is_own, registered=there)
         elif isinstance(event, Stepped):
             self._books_of(event.process, event.board).settled.update(map(name_of, event.batch))
             self._stepped.add(event.process)
@@ -193,11 +218,11 @@ class EvidenceReachesAll(Oracle):
 
 
 class RobotsAreKnown(Oracle):
-    """Once the team is well, a joint knows the place of each robot that it hears of about as well as that robot does by itself.
+    """Once the team is well, a joint has each robot that it hears of, and knows its place about as well as it does by itself.
 
     In some direction its variance may be larger, because a gate has left evidence out: at most `MOST` times, and not in all steps
     until the end. How it is on average is judged over all nights (`run.uncalibrated`). Not asked on nights with a liar: what honest
-    robots say is then bounded.
+    robots say is then bounded. On a poor link a robot tells its whole state where a board of its own sub-teams comes.
     """
 
     sees = (Moved, Stepped)
@@ -221,6 +246,12 @@ class RobotsAreKnown(Oracle):
         elif isinstance(event, Stepped) and event.at > self.night.well:
             for evidence in event.batch:
                 own = self._own.get(name_of(evidence))
+                mates = self.night.team.sub_teams[event.process.split("/")[1]]
+                hears = not self.night.team.is_poor or evidence.robot.removeprefix("robot/") in mates
+                if own is not None and hears and evidence.robot not in event.after:
+                    self.breaks(
+                        event.at, f"{event.process} does not have {evidence.robot}, which knows its place, in its joint"
+                    )
                 if own is not None and evidence.robot in event.after:
                     known = event.after.moments(evidence.robot).covariance[AXES, AXES]
                     share = float(np.linalg.eigvals(np.linalg.solve(own, known)).real.max())

@@ -52,6 +52,11 @@ def test_of_two_tracks_that_had_one_name_in_turn_nothing_older_is_told() -> None
     assert live(Night(team, (faults.Routerless(4.3, 4.6),), 1046586613)) is None
 
 
+def test_a_board_that_is_started_again_at_once_hears_whole_states_on_a_poor_link() -> None:
+    team = Team({"a": ("r1", "r2")}, "realtime", 2, tick=0.5, latency=0.02, fusion="joint", budget=600.0)
+    assert live(Night(team, (faults.Killed(3.5, 3.6, "board/a/board-a2"),))) is None
+
+
 def test_a_seed_and_a_number_are_always_the_same_night() -> None:
     nights = [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
     assert nights == [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
