@@ -45,7 +45,8 @@ def shadow(before: Joint, batch: Sequence[Evidence], motions: Mapping[str, Motio
     """
     joint, batch = before.copy(), sorted(batch, key=lambda evidence: evidence.robot)
     for evidence in batch:
-        drive(joint, evidence.robot, motions[evidence.robot], evidence.nuisance)
+        if evidence.robot in motions:
+            drive(joint, evidence.robot, motions[evidence.robot], evidence.nuisance)
     for evidence in batch:
         gained = None if evidence.increment is None else likelihood(joint, evidence.robot, evidence.increment)
         if gained is not None:
@@ -100,32 +101,49 @@ class EvidenceCountsOnce(Oracle):
         early = self._early.setdefault(event.board, {})
         told = {robot: said.time for robot, said in newest.items() if robot not in {said.robot for said in event.batch}}
         parted = [_parted(evidence, told) for evidence in event.batch]
-        if self._steps % SAMPLED == 0:
+        begins = any(not _goes_on(newest.get(said.robot), said) for said in event.batch)
+        if self._steps % SAMPLED == 0 or begins:
             batch = [_plus(now, early.get(now.robot)) for now, _ in parted]
             self._compare(replace(event, batch=batch), newest)
         early |= {later.robot: later for _, later in parted}
         newest |= {evidence.robot: evidence for evidence in event.batch}
 
     def _compare(self, event: Stepped, newest: Mapping[str, Evidence]) -> None:
-        motions = {}
+        motions, begun = {}, event.before.copy()
         for evidence in event.batch:
-            before = newest.get(evidence.robot)
-            if before is not None and before.epoch == evidence.epoch and evidence.robot in event.before:
-                motions[evidence.robot] = evidence.travelled.since(before.travelled)
-            elif evidence.belief is not None:
-                return  # a robot enters, with all that it knows
+            robot, before = evidence.robot, newest.get(evidence.robot)
+            if before is not None and _goes_on(before, evidence) and robot in event.before:
+                motions[robot] = evidence.travelled.since(before.travelled)
+            elif evidence.returned is not None:
+                return  # it may enter by what another joint knew of it
+            elif evidence.belief is not None:  # it enters, with all that it knows
+                if robot in begun:
+                    begun.drop(robot)
+                begun.add(robot, evidence.belief)
         if not self.night.is_honest:
             return  # the shadow takes everything, and no arithmetic survives some lies
-        batch = [named(said, event.unnamed) for said in event.batch if said.robot in motions]
-        most = shadow(event.before, batch, motions)
+        entering = [
+            robot for robot in begun.blocks if robot not in motions and robot in {said.robot for said in event.batch}
+        ]
+        heard = [said for said in event.batch if said.robot in {*motions, *entering}]
+        batch = [
+            named(said if said.robot in motions else replace(said, increment=None), event.unnamed) for said in heard
+        ]
+        most = shadow(begun, batch, motions)
         both = [robot for robot in motions if robot in event.after]
         if any(_apart(event.after, most, robot) > APART for robot in both):
-            return
-        for robot in both:
+            both = []
+        # Who enters has no place from before, that a gate could hold its evidence against.
+        for robot in [*both, *(robot for robot in entering if robot in event.after)]:
             if (share := _least_share(event.after, most, robot)) < LEAST:
                 self.breaks(
                     event.at, f"{event.process} knows {robot} with {share:.2f} of the variance that its evidence leaves"
                 )
+
+
+def _goes_on(before: Evidence | None, now: Evidence) -> bool:
+    """Whether evidence is of the same epoch as what its robot told before."""
+    return before is not None and before.epoch == now.epoch
 
 
 def _parted(evidence: Evidence, told: Mapping[str, float]) -> tuple[Evidence, Evidence]:

@@ -30,8 +30,10 @@ LIES = {liars: sorted(name for name, lie in CATALOGUE.items() if lie.liars == li
 RULES = {"coalition": 0.6} | {name: 0.4 / (len(POOLS) - 1) for name in sorted(set(POOLS) - {"coalition"})}
 UNNAMED: tuple[Literal["", "person", "robot"], ...] = ("", "person", "robot")
 RATE = 0.7  # messages a second: one that is in two sub-teams speaks once in 4 s in each, which is the least
+MAX_AGES = (10.0, 3.0)  # seconds; in the shorter one a process is frozen, or cut off, for longer
 DETECTOR = {"missed": 0.1, "clutter": 0.1}
 TOGETHER = 0.3  # of the nights all faults begin at once in such a share
+OFF_AT_FIRST = 0.4  # of the nights clocks that are off are so from the beginning, so that what they stamp is taken
 CROWD = 1100  # strangers, more than any process keeps anything of
 CALM = 4.0  # seconds in which it is watched whether the team is well again
 
@@ -54,6 +56,7 @@ class Team:
     rate: float | None = None  # messages a second of each robot, where these are counted
     guest: bool = False  # a program that reports an object
     unnamed: Literal["", "person", "robot"] = ""  # what detectors do not name: people walk about, or mates look alike
+    max_age: float = 10.0  # seconds after which boards do not use what was said
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -79,7 +82,7 @@ class Team:
     def scenario(self, seed: int) -> Scenario:
         """The scenario of such a team in a world of a seed."""
         board: dict[str, Any] = {"fusion": self.fusion, "rule": self.rule, "feedback": self.feedback}
-        board["patience"] = self.patience
+        board |= {"patience": self.patience, "max_age": self.max_age}
         if self.rule == "coalition" and not self.is_learning:
             board["independence"] = 0.5
         send = {"budget": self.budget} if self.budget else {"rate": self.rate * len(self.robots)} if self.rate else {}
@@ -194,7 +197,11 @@ def draw_night(seed: int, number: int) -> Night:
         drawn = [at_once(fault, drawn[0]) for fault in drawn]
     world = int(draw.rng.integers(1, 1 << 31))
     unnamed, rate = draw.one(UNNAMED, [0.7, 0.15, 0.15]), draw.one([None, RATE], [0.85, 0.15])
+    max_age = draw.one(MAX_AGES, [0.8, 0.2])
     team = replace(team, unnamed=unnamed, rate=None if team.budget else rate)
+    team = team if team.is_poor else replace(team, max_age=max_age)  # else a robot is rightly left out that says little
+    if draw.chance(OFF_AT_FIRST):
+        drawn = [replace(fault, begin=0.0) if isinstance(fault, faults.ClockOff) else fault for fault in drawn]
     return Night(team, tuple(drawn), world, f"{seed}/{number}")
 
 

@@ -217,6 +217,36 @@ BUGS = {
         "for robot in sorted(set(motions) - entered):",
         "for robot in sorted(set(motions) - entered)[:-1]:",
     ),
+    "never": Bug(
+        "what comes too early is forgotten when it still is so at the next try",
+        "blackboard/process/intake.py",
+        "self._early[key] = early\n                self._early_bytes += len(early.envelope.payload)",
+        "pass",
+    ),
+    "unsent": Bug(
+        "what a robot gained and did not send is lost",
+        "robot_agent/gaussian/unsent.py",
+        "self.before = prediction if self.joint is None else self.joint.moments(self.robot)",
+        "self.before = prediction",
+    ),
+    "entered": Bug(
+        "a robot that begins an epoch keeps its place in the joint",
+        "blackboard/opinion/gaussian/comparing.py",
+        "        team.drop(robot)\n        team.contacts.begin(robot)",
+        "        team.contacts.begin(robot)",
+    ),
+    "leftover": Bug(
+        "a robot keeps what was agreed in the run before",
+        "robot_agent/service.py",
+        "Sequencer(), Gathered()",
+        'Sequencer(), getattr(self, "_agreed", None) or Gathered()',
+    ),
+    "vain": Bug(
+        "who was waited for in vain is never waited for again",
+        "blackboard/process/in_vain.py",
+        "Debt(debt.times, debt.left - 1, tick)",
+        "Debt(debt.times, debt.left, tick)",
+    ),
 }
 
 FOUND = re.compile(r"night \d+/(\d+) of [^:]*: (.*)")

@@ -12,8 +12,12 @@ from tempfile import NamedTemporaryFile
 from blackboard.process import intake
 from blackboard.tape.content import load_tape
 from blackboard.tape.replay import is_consensus, replay
+from tests.nights.ages import AgesAreTrue, NothingIsFromLater
+from tests.nights.clocks import ClocksAreKnown, RunsAreNew
 from tests.nights.events import Event, opened
 from tests.nights.faults import Crowd
+from tests.nights.gains import GainsAddUp
+from tests.nights.intakes import EarlyIsKept
 from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits, SightingsAreToldOnce
 from tests.nights.night import Night, draw_night
 from tests.nights.oracles import (
@@ -35,11 +39,20 @@ from tests.nights.receipts import EvidenceReachesAll, HeardIsSettled, RobotsAreK
 from tests.nights.rosters import EarlyIsTaken, RostersAreTrue
 from tests.nights.stage import Stage
 from tests.nights.votes import BoardsAgreeAgain, OneVote, TheHonestCount
+from tests.nights.waits import (
+    BoardsWaitForForwards,
+    BoardsWaitForReports,
+    LateAreWaitedForAgain,
+    LockstepIsWhole,
+    RobotsWaitForTheAgreed,
+)
 
 ORACLES: tuple[type[Oracle], ...] = (
     BytesSayIt, NobodyDies, InvariantsHold, NothingGrows, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
     SightingsAreToldOnce, SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
     BoardsAgreeAgain, Coverage, OneVote, HeardIsSettled, EvidenceReachesAll, RobotsAreKnown,
+    EarlyIsKept, AgesAreTrue, NothingIsFromLater, RunsAreNew, ClocksAreKnown, GainsAddUp,
+    RobotsWaitForTheAgreed, BoardsWaitForForwards, BoardsWaitForReports, LockstepIsWhole, LateAreWaitedForAgain,
 )  # fmt: skip
 
 REPLAYED = 8  # of so many nights one is recorded, and its tape replayed
