@@ -4,13 +4,15 @@ from blackboard.board.service import BoardService
 from blackboard.process.offsets import TOLERANCE
 from blackboard.process.service import Service
 from blackboard.process.team_clock import Pace
-from blackboard.wire.messages import Clock
-from tests.nights.events import Began, Ended, Event, Over, Said
+from blackboard.wire.messages import Clock, Consensus
+from tests.nights.events import Began, Ended, Event, Heard, Over, Said, opened
+from tests.nights.faults import AnotherBoard
 from tests.nights.night import Night
 from tests.nights.oracles import Oracle
 
 #: Seconds: a correction changes in steps of `TOLERANCE`, and a board takes messages up to a tick of a slow process later.
 EXACT = 3 * TOLERANCE
+TOLD = 1.5  # seconds in which each robot says which tracks it has heard of
 
 
 class ClocksAreKnown(Oracle):
@@ -79,3 +81,55 @@ class RunsAreNew(Oracle):
                 self.breaks(event.at, f"{event.process} begins a run under the name {clock.run} of an earlier one")
             elif not clock.end and clock.tick not in (tick, tick + 1):
                 self.breaks(event.at, f"{event.process} goes from tick {tick} to tick {clock.tick}")
+
+
+class TracksAreNumberedOn(Oracle):
+    """A board that is started again gives no track a name that a robot has heard of before, where no other board is left to know it.
+
+    Not asked of what it names while faults may keep the robots' statuses from it, nor on poor links, where those are rare.
+    """
+
+    sees = (Began, Heard, Said)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        boards = [name for name in night.team.processes if name.startswith("board/")]
+        others = any(isinstance(fault, AnotherBoard) for fault in night.faults)
+        self._is_asked = len(boards) == 1 and not others and not night.team.is_poor and night.is_honest
+        self._board: BoardService | None = None
+        self._lives = 0  # of the board
+        self._heard: dict[
+            tuple[str, str], int
+        ] = {}  # run and name of a track -> in which life of the board a robot heard it first
+        self._named: set[tuple[int, str, str]] = set()  # life, run and name of what a board has told
+
+    def see(self, event: Event) -> None:
+        if not self._is_asked:
+            return
+        if isinstance(event, Began):
+            if isinstance(event.service, BoardService):
+                self._board, self._lives = event.service, self._lives + 1
+            else:
+                self._heard = {}  # who is started again has heard nothing
+            return
+        message = (
+            opened(event.envelope)[2]
+            if isinstance(event, Heard)
+            else event.message
+            if isinstance(event, Said)
+            else None
+        )
+        if (
+            not isinstance(message, Consensus)
+            or message.level != "agreed"
+            or not all(message.number)
+            or self._board is None
+        ):
+            return
+        track = self._board.clock.run, message.subject
+        if isinstance(event, Heard) and event.process.startswith("robot/"):
+            self._heard.setdefault(track, self._lives)
+        elif isinstance(event, Said) and (self._lives, *track) not in self._named:
+            self._named.add((self._lives, *track))
+            if self._heard.get(track, self._lives) != self._lives and event.at > self.night.healed + TOLD:
+                self.breaks(event.at, f"{event.process} gives the name {message.subject} again")

@@ -18,7 +18,7 @@ from tests.nights.night import Night
 from tests.nights.oracles import Oracle
 
 #: Between which shares of a robot's own variance what its boards can know of its place is: they move it by sums over some ticks.
-WHOLE = 0.85, 1.2
+WHOLE = 0.75, 1.3
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,13 +4,15 @@ from dataclasses import dataclass
 
 from blackboard.board.lead import HOLD, PHASES
 from blackboard.board.service import BoardService
-from blackboard.wire.messages import Status
+from blackboard.wire.messages import Consensus, Status
 from tests.nights.events import Began, Event, Moved, Said
 from tests.nights.night import Night
 from tests.nights.oracles import Oracle
 
 ASLEEP = 1.5  # seconds without being woken after which a board may have been frozen
 LATE = 1.0  # seconds by which a board may be woken later than it asks, because it is slow
+
+MUTE = 2.5  # seconds in which a board that leads may publish nothing of what it settles: what another one published before is later
 
 
 @dataclass
@@ -75,3 +77,34 @@ class SomebodySpeaks(Oracle):
                 self.breaks(
                     event.at, f"nobody publishes what {event.process} settled {event.at - silence.since:.1f} s before"
                 )
+
+
+class LeadersSpeak(Oracle):
+    """A board that leads publishes what it settles, once it has led for `MUTE` seconds."""
+
+    sees = (Began, Said, Moved)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        self._mute: dict[str, Silence] = {}  # by process, since it began to lead, or spoke
+        self._settled: dict[str, int] = {}  # by process, what it had settled then
+
+    def see(self, event: Event) -> None:
+        if isinstance(event, Began) or (isinstance(event, Said) and isinstance(event.message, Consensus)):
+            self._mute.pop(event.process, None)
+        elif isinstance(event, Moved) and isinstance(event.service, BoardService):
+            self._look(event, event.service)
+
+    def _look(self, event: Moved, board: BoardService) -> None:
+        knows, settled = (board.clock.run, board.clock.pace, board.lead.leads), board.counters["settled"]
+        mute = self._mute.get(event.process)
+        if mute is None or mute.knows != knows or event.at - mute.looked > ASLEEP or not board.lead.leads:
+            self._mute[event.process] = Silence(event.at, knows, event.at)
+            self._settled[event.process] = settled
+            return
+        mute.looked = event.at
+        if mute.since is not None and event.at - mute.since > MUTE and settled > self._settled[event.process]:
+            self.breaks(
+                event.at,
+                f"{event.process} leads and publishes nothing of what it settled for {event.at - mute.since:.1f} s",
+            )

@@ -13,7 +13,7 @@ from blackboard.process import intake
 from blackboard.tape.content import load_tape
 from blackboard.tape.replay import is_consensus, replay
 from tests.nights.ages import AgesAreTrue, NothingIsFromLater
-from tests.nights.clocks import ClocksAreKnown, RunsAreNew
+from tests.nights.clocks import ClocksAreKnown, RunsAreNew, TracksAreNumberedOn
 from tests.nights.events import Event, opened
 from tests.nights.faults import Crowd
 from tests.nights.gains import GainsAddUp
@@ -34,7 +34,7 @@ from tests.nights.oracles import (
     StatusesAreTrue,
     TheNewestCounts,
 )
-from tests.nights.parts import SomebodySpeaks
+from tests.nights.parts import LeadersSpeak, SomebodySpeaks
 from tests.nights.receipts import EvidenceReachesAll, HeardIsSettled, RobotsAreKnown
 from tests.nights.rosters import EarlyIsTaken, RostersAreTrue
 from tests.nights.stage import Stage
@@ -51,7 +51,7 @@ ORACLES: tuple[type[Oracle], ...] = (
     BytesSayIt, NobodyDies, InvariantsHold, NothingGrows, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
     SightingsAreToldOnce, SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
     BoardsAgreeAgain, Coverage, OneVote, HeardIsSettled, EvidenceReachesAll, RobotsAreKnown,
-    EarlyIsKept, AgesAreTrue, NothingIsFromLater, RunsAreNew, ClocksAreKnown, GainsAddUp,
+    LeadersSpeak, EarlyIsKept, AgesAreTrue, NothingIsFromLater, RunsAreNew, ClocksAreKnown, TracksAreNumberedOn, GainsAddUp,
     RobotsWaitForTheAgreed, BoardsWaitForForwards, BoardsWaitForReports, LockstepIsWhole, LateAreWaitedForAgain,
 )  # fmt: skip
 

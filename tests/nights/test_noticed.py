@@ -9,6 +9,7 @@ import pytest
 from blackboard.board.board import Board
 from blackboard.board.joint.desk import JointDesk
 from blackboard.board.joint.others import OtherBoards
+from blackboard.board.lead import Lead
 from blackboard.process.intake import Intake
 from blackboard.process.offsets import ClockOffsets
 from blackboard.process.roll_call import RollCall
@@ -16,13 +17,14 @@ from blackboard.wire.messages import Consensus
 from robot_agent.gaussian.unsent import Unsent
 from robot_agent.inputs import Gathered
 from tests.nights.ages import AgesAreTrue, NothingIsFromLater
-from tests.nights.clocks import ClocksAreKnown, RunsAreNew
+from tests.nights.clocks import ClocksAreKnown, RunsAreNew, TracksAreNumberedOn
 from tests.nights.events import Said
 from tests.nights.faults import Frozen, Killed, Late, OneWay
 from tests.nights.gains import GainsAddUp
 from tests.nights.intakes import EarlyIsKept
 from tests.nights.night import RATE, Night, Team
 from tests.nights.oracles import Oracle
+from tests.nights.parts import LeadersSpeak
 from tests.nights.receipts import HeardIsSettled
 from tests.nights.run import judged, opened_once, played
 from tests.nights.stage import Stage
@@ -32,6 +34,7 @@ REALTIME = Team({"a": ("r1", "r2"), "b": ("r3",)}, "realtime", tick=1.0, latency
 LOCKSTEP = replace(REALTIME, mode="lockstep", latency=0.2)
 OPINIONS = replace(REALTIME, fusion="opinions")
 FREE = replace(REALTIME, mode="free")
+WALKERS = replace(REALTIME, sub_teams={"a": ("r1", "r2", "r3")}, tick=0.5, unnamed="person")
 FOUR = replace(REALTIME, sub_teams={"a": ("r1", "r2"), "b": ("r3", "r4")})
 
 
@@ -94,6 +97,11 @@ CASES: dict[type[Oracle], tuple[type, str, Any, Night, float, str]] = {
             8.5,
             "before it has what r1 reports",
         ),
+    ),
+    LeadersSpeak: (Lead, "may_say", always(False), Night(OPINIONS), 6.0, "publishes nothing of what it settled"),
+    TracksAreNumberedOn: (
+        *(Board, "remember_tracks", always(None)),
+        *(Night(WALKERS, (Killed(8.0, 8.5, "board/a/board-a"),), seed=2), 11.0, "gives the name person/1 again"),
     ),
     LockstepIsWhole: (JointDesk, "forward", always([]), Night(LOCKSTEP), 6.0, "is done with tick"),
     HeardIsSettled: (

@@ -85,9 +85,8 @@ class BoardsWaitForForwards(Oracle):
         super().__init__(night)
         self._is_asked = night.team.mode == "lockstep" and night.team.fusion == "joint"
         self._boards: dict[str, BoardService] = {}  # by process
-        self._done: dict[
-            str, tuple[str, int]
-        ] = {}  # board -> run, and ticks that were late when it was done with the one before
+        #: Board -> the run, ticks that were late, and the tick, when it was done with the newest one.
+        self._done: dict[str, tuple[str, int, int]] = {}
         #: By process: boards, as sub-team and name, and the ticks that their statuses list, and that they passed on.
         self._listed: dict[str, set[tuple[str, str, int]]] = defaultdict(set)
         self._passed: dict[str, set[tuple[str, str, int]]] = defaultdict(set)
@@ -123,11 +122,16 @@ class BoardsWaitForForwards(Oracle):
         if status.phase != "agreed":
             return
         run, late = board.clock.run, board.counters["late"]
-        before = self._done.get(event.process, ("", -1))
+        before = self._done.get(event.process, ("", -1, -1))
         if before[0] != run:
             self._forget(event.process)
-        self._done[event.process] = run, late
-        if before != (run, late) or board.clock.pace is not Pace.LOCKSTEP or status.tick != board.clock.tick:
+        self._done[event.process] = run, late, status.tick
+        if (
+            before[:2] != (run, late)
+            or before[2] == status.tick
+            or board.clock.pace is not Pace.LOCKSTEP
+            or status.tick != board.clock.tick
+        ):
             return
         for sub_team, name, tick in self._listed[event.process] - self._passed[event.process]:
             waits = (
@@ -148,7 +152,8 @@ class BoardsWaitForReports(Oracle):
         self._is_asked = night.team.mode == "lockstep"
         self._boards: dict[str, BoardService] = {}  # by process
         self._begun: dict[str, float] = {}  # run -> when its first Clock was said
-        self._done: dict[str, tuple[str, int]] = {}  # board -> run, and ticks that were late when it settled last
+        #: Board -> the run, ticks that were late, and the tick, when it settled last.
+        self._done: dict[str, tuple[str, int, int]] = {}
         #: By process: the robots' newest lists, and when each of their reports was heard last, by source, subject and tick.
         self._lists: dict[str, dict[str, Status]] = defaultdict(dict)
         self._heard: dict[str, dict[tuple[str, str, int], float]] = defaultdict(dict)
@@ -182,9 +187,14 @@ class BoardsWaitForReports(Oracle):
     def _judge(self, event: Said, status: Status, board: BoardService) -> None:
         if status.phase != "consensus":
             return
-        now = board.clock.run, board.counters["late"]
-        before, self._done[event.process] = self._done.get(event.process), now
-        if before != now or board.clock.pace is not Pace.LOCKSTEP or status.tick != board.clock.tick:
+        now = board.clock.run, board.counters["late"], status.tick
+        before, self._done[event.process] = self._done.get(event.process, ("", -1, -1)), now
+        if (
+            before[:2] != now[:2]
+            or before[2] == status.tick
+            or board.clock.pace is not Pace.LOCKSTEP
+            or status.tick != board.clock.tick
+        ):
             return
         heard, begun = self._heard[event.process], self._begun.get(board.clock.run, 0.0)
         for robot in board.participants.robots():
@@ -221,6 +231,7 @@ class LockstepIsWhole(Oracle):
         )  # what is seen now and then without a name is kept
         self._boards: dict[str, BoardService] = {}  # by process
         self._late: dict[str, int] = {}  # board -> ticks that were late when it was done with the one before
+        self._tick: dict[str, int] = {}  # board -> the newest tick with which it was done
         self._said: dict[Piece, int] = {}  # the evidence of the newest ticks, with the tick
         self._settled: dict[str, set[Piece]] = defaultdict(set)  # by process
         self._clock: Clock | None = None
@@ -257,8 +268,15 @@ class LockstepIsWhole(Oracle):
         return late == before and not board.reception._in_vain.names
 
     def _judge_pieces(self, event: Said, board: BoardService, status: Status) -> None:
-        is_on_time = self._is_on_time(event.process, board)
-        if not is_on_time or self._clock is None or status.tick != self._clock.tick or board.board.joint is None:
+        is_on_time, before = self._is_on_time(event.process, board), self._tick.get(event.process)
+        self._tick[event.process] = status.tick
+        if (
+            not is_on_time
+            or before == status.tick
+            or self._clock is None
+            or status.tick != self._clock.tick
+            or board.board.joint is None
+        ):
             return
         for piece in sorted(piece for piece, tick in self._said.items() if tick == status.tick):
             if piece not in self._settled[event.process]:
