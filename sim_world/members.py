@@ -31,7 +31,7 @@ class Members:
 
     def __init__(self, team: TeamSection, sensors: SensorSource, roster: Roster) -> None:
         self.team, self.sensors, self.roster = team, sensors, roster
-        self._in_vain = InVain()  # who holds a token and sends nothing
+        self.in_vain = InVain()  # who holds a token and sends nothing
         self.strangers: set[str] = set()  # robots that cannot take part
         self._newcomers: set[str] = set()  # robots that have not answered a tick yet
         self._heard: set[tuple[str, str]] = set()  # boards that have said something, as sub-team and name
@@ -59,7 +59,7 @@ class Members:
     @property
     def given_up(self) -> set[str]:
         """The processes that are no longer waited for."""
-        return self._in_vain.names
+        return self.in_vain.names
 
     def hear_answer(self, sub_team: str, message: Solo | Consensus | Status, *, in_time: bool) -> None:
         """A robot or a board answers a tick that has begun: maybe it is waited for again.
@@ -67,13 +67,13 @@ class Members:
         Refused: a board without a token, if it is in time.
         """
         if isinstance(message, Solo):
-            self._in_vain.answered(f"robot/{message.robot}", message.tick)
+            self.in_vain.answered(f"robot/{message.robot}", message.tick)
             self._newcomers.discard(message.robot)
             return
         board = message.process if isinstance(message, Status) else message.board
         if in_time and board not in self.roster.boards.get(sub_team, []):
             raise Refused("unregistered", f"board {board} holds no liveliness token in sub-team {sub_team}")
-        self._in_vain.answered(f"board/{sub_team}/{board}", message.tick)
+        self.in_vain.answered(f"board/{sub_team}/{board}", message.tick)
 
     def teams(self) -> dict[str, list[str]]:
         """Who takes part: the sub-teams that have a board, with those of their robots that get readings and answer."""
@@ -124,7 +124,7 @@ class Members:
             names = ", ".join(sorted(missing))
             log.warning("tick %d: %s alive and silent; no longer waited for", instant.truth.tick, names)
         for name in missing:
-            self._in_vain.add(name, instant.truth.tick)
+            self.in_vain.add(name, instant.truth.tick)
         return len(missing)
 
     def _warn_of_stranger(self, robot: str, why: str) -> None:
@@ -136,12 +136,12 @@ class Members:
     def _is_alive(self, robot: str, sub_team: str) -> bool:
         """Whether a robot is in a sub-team, gets readings and answers."""
         here = robot in self.roster.robots.get(sub_team, []) and robot in self.sensors.robots
-        return here and f"robot/{robot}" not in self._in_vain
+        return here and f"robot/{robot}" not in self.in_vain
 
     def _boards(self, sub_team: str) -> list[str]:
         """The boards of a sub-team that take part."""
         here = [board for board in self.roster.boards.get(sub_team, []) if (sub_team, board) in self._heard]
-        return [board for board in here if f"board/{sub_team}/{board}" not in self._in_vain]
+        return [board for board in here if f"board/{sub_team}/{board}" not in self.in_vain]
 
 
 def who(key: str) -> str:

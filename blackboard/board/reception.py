@@ -38,7 +38,7 @@ class Reception:
         self._consensuses: RollCall[tuple[str, str]] = RollCall()  # of other sub-teams' boards: sub-team and board
         #: robots of other sub-teams, for which a board does not wait -> a speed that counts once its team time (s) is over
         self._speeds: dict[str, tuple[float, float]] = {}
-        self._in_vain = InVain()  # robots and boards, as a Clock names them
+        self.in_vain = InVain()  # robots and boards, as a Clock names them
 
     def begin_tick(self, now: float) -> None:
         """A tick begins: what robots elsewhere said in earlier ones counts from now on, in whichever order it came."""
@@ -76,7 +76,7 @@ class Reception:
         """Whose messages of the tick have not arrived, as a Clock names them."""
         tick = self.clock.tick
         for robot in self.participants.candidates() if fact == "reports" else ():
-            if self._reports.complete(robot, tick) or f"robot/{robot}" in self._in_vain:
+            if self._reports.complete(robot, tick) or f"robot/{robot}" in self.in_vain:
                 continue
             if self.participants.awaits(robot):
                 yield f"robot/{robot}"
@@ -84,31 +84,31 @@ class Reception:
         for board in self.participants.boards() or () if fact == "consensuses" else ():
             has_forwarded = joint is None or joint.others.has_heard(board, tick)
             name = "/".join(("board", *board))
-            if not (has_forwarded and self._consensuses.complete(board, tick)) and name not in self._in_vain:
+            if not (has_forwarded and self._consensuses.complete(board, tick)) and name not in self.in_vain:
                 yield name
 
     def give_up(self, fact: str) -> None:
         """Wait no longer for who was waited for in vain, until it answers."""
         tick = self.clock.tick
         for name in list(self.lacks(fact)):
-            left = self._in_vain.add(name, tick)
+            left = self.in_vain.add(name, tick)
             log.warning("tick %d: %s was late; waited for again once it has answered %d ticks", tick, name, left)
 
     def _note_answers(self) -> None:
         """Count what those who were waited for in vain have answered since."""
-        for name in self._in_vain.names:
+        for name in self.in_vain.names:
             kind, *who = name.split("/")
             robot = kind == "robot"
             answered = self._reports.answered(who[0]) if robot else self._consensuses.answered((who[0], who[1]))
             if answered is not None:
-                self._in_vain.answered(name, min(answered, self.clock.tick))
+                self.in_vain.answered(name, min(answered, self.clock.tick))
 
     def check(self) -> None:
         """AssertionError: a roll call is beyond its bounds."""
         self.steps.check()
         self._reports.check()
         self._consensuses.check()
-        self._in_vain.check()
+        self.in_vain.check()
 
     # --- messages -----------------------------------------------------------------------------------------------------
 

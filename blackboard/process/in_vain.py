@@ -1,5 +1,6 @@
 """Who was waited for in vain is not waited for again before it has answered, each time for more ticks. Pure."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from blackboard.process.bounded import put
@@ -27,6 +28,11 @@ class InVain:
     def names(self) -> set[str]:
         """The processes that are not waited for."""
         return {name for name, debt in self._debts.items() if debt.left}
+
+    @property
+    def debts(self) -> Mapping[str, Debt]:
+        """Who was ever waited for in vain, and what is left of it."""
+        return self._debts
 
     def __contains__(self, name: str) -> bool:
         """Whether a process is not waited for."""

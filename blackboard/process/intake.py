@@ -110,6 +110,11 @@ class Intake:
         """The keys of what was refused and may be handled after all, with the reasons."""
         return {key: early.refusal.reason for key, early in self._early.items() if early.refusal is not None}
 
+    @property
+    def kept(self) -> dict[str, _Early]:
+        """What came too early, by key."""
+        return self._early
+
     def record_link_counters(self, counters: dict[str, int]) -> None:
         """Show the link's counters beside the service's own."""
         for name, count in counters.items():

@@ -95,7 +95,7 @@ class FirstHand:
     _last: Readings | None = None
     #: Whether the heading is not known from own readings yet. The mean is then the team's: only a place to linearise at.
     _is_lent: bool = False
-    _widened: tuple[int, ...] = ()  # states of its lasting errors whose prior was contradicted
+    widened: tuple[int, ...] = ()  # states of its lasting errors whose prior was contradicted
     #: How far it may have turned unmeasured, in radians: since the newest odometry, or since it took its heading from the team.
     _unmeasured: float = 0.0
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
@@ -290,11 +290,11 @@ class FirstHand:
             return
         nuisance, block = self.sensors.wheels.nuisance, self.joint.moments(self.robot)
         entered = entering(Moments(block.mean[POSE], block.covariance[POSE, POSE]), nuisance)
-        worst = contradicted(block, entered, nuisance, (FORWARD, TURN, *self._widened))
+        worst = contradicted(block, entered, nuisance, (FORWARD, TURN, *self.widened))
         if worst is not None:
             state, mean, variance = worst
             replace_prior(self.joint, self.joint.blocks[self.robot].start + state, mean, variance)
-            self._widened = (*self._widened, state)
+            self.widened = (*self.widened, state)
         has_odometry = not self.untold.is_all and self.robot not in self.distrust
         mounted_otherwise = has_odometry and self.absolute.judge_mounts(self.joint)
         if mounted_otherwise:  # A board keeps what it was told by the wrong model until a new epoch begins.
@@ -371,7 +371,7 @@ class FirstHand:
         """Forget the belief: a new epoch begins at a team time (s), on new evidence alone."""
         self._begin_epoch(time)
         self.joint, self._last, self._unmeasured = Joint(), None, 0.0
-        self._widened = ()
+        self.widened = ()
         self._groups, self._misses = {}, []
         self._unsent.forget()
         self._search.forget()
@@ -398,7 +398,7 @@ class FirstHand:
         What is gained over a prediction is evidence whatever the prediction was, so no increment counts the team's belief.
         """
         pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
-        self.joint, self._misses, self._unmeasured, self._widened = Joint(), [], 0.0, ()
+        self.joint, self._misses, self._unmeasured, self.widened = Joint(), [], 0.0, ()
         self.wheels.give_up()
         self.mishaps.forget()
         self.absolute.forget()

@@ -34,7 +34,7 @@ class Sent:
     def of(cls, evidence: Evidence, filter_: FirstHand) -> "Sent | None":
         """None: the robot has no Gaussian belief."""
         belief = filter_.belief
-        return None if belief is None else cls(evidence, belief, filter_.joint, filter_._widened)
+        return None if belief is None else cls(evidence, belief, filter_.joint, filter_.widened)
 
     def goes_on(self, before: "Sent") -> bool:
         """Whether a belief is the one from before, with what was measured since."""

@@ -27,7 +27,7 @@ class Account:
         intake = getattr(at, "intake", None)
         if not isinstance(intake, Intake):
             return None
-        counters, early = intake.counters, intake._early
+        counters, early = intake.counters, intake.kept
         given_up = intake.refused.total() + counters["early_dropped"] + counters["failed"]
         return cls(dict(early), counters["heard"], given_up, counters["failed"])
 

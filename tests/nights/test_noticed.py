@@ -10,6 +10,7 @@ from blackboard.board.board import Board
 from blackboard.board.joint.desk import JointDesk
 from blackboard.board.joint.others import OtherBoards
 from blackboard.board.lead import Lead
+from blackboard.opinion.ageing import Ageing
 from blackboard.process.intake import Intake
 from blackboard.process.offsets import ClockOffsets
 from blackboard.process.roll_call import RollCall
@@ -19,7 +20,7 @@ from robot_agent.inputs import Gathered
 from tests.nights.ages import AgesAreTrue, NothingIsFromLater
 from tests.nights.clocks import ClocksAreKnown, RunsAreNew, TracksAreNumberedOn
 from tests.nights.events import Said
-from tests.nights.faults import Frozen, Killed, Late, OneWay
+from tests.nights.faults import Killed, Late, OneWay
 from tests.nights.gains import GainsAddUp
 from tests.nights.intakes import EarlyIsKept
 from tests.nights.night import RATE, Night, Team
@@ -50,12 +51,12 @@ def always(value: object) -> Callable[..., object]:
     return lambda *arguments, **options: value
 
 
-def of_now(board: Board, entry: Any, subject: str, now: float) -> Any:
-    return board.ageing.aged(entry.opinions, subject, 0.0)
+def of_now(ageing: Ageing, opinions: Any, subject: str, age: float) -> Any:
+    return AGED(ageing, opinions, subject, 0.0)
 
 
 def forgets(intake: Intake, handle: object) -> list[object]:
-    intake._early.clear()
+    intake.kept.clear()
     return []
 
 
@@ -70,6 +71,7 @@ def before_alone(unsent: Unsent, prediction: Any) -> None:
 
 
 HEAR = JointDesk.hear_forward
+AGED = Ageing.aged
 
 CASES: dict[type[Oracle], tuple[type, str, Any, Night, float, str]] = {
     EarlyIsKept: (Intake, "retry", forgets, Night(FREE, (Killed(3.0, 6.0, "robot/r1", unseen=2.0),)), 6.5, "nor keeps"),
@@ -122,23 +124,20 @@ def test_what_is_broken_is_noticed(oracle: type[Oracle], monkeypatch: pytest.Mon
 
 def test_an_opinion_that_is_older_than_a_board_says_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not noticed(AgesAreTrue, Night(OPINIONS), 3.0)
-    monkeypatch.setattr(Board, "_aged", of_now)
+    monkeypatch.setattr(Ageing, "aged", of_now)
     assert "it said nothing then" in noticed(AgesAreTrue, Night(OPINIONS), 3.0)
 
 
-def test_a_joint_that_tells_of_who_is_silent_for_too_long_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    night = Night(replace(REALTIME, max_age=3.0), (Frozen(2.5, 8.5, "robot/r1"),))
-    assert not noticed(AgesAreTrue, night, 7.0)
-    monkeypatch.setattr(JointDesk, "_age", always(0.0))
-    assert "rests on what r1 said 3." in noticed(AgesAreTrue, night, 7.0)
-
-
-def test_what_rests_on_another_run_is_noticed_and_so_is_a_run_that_is_named_again() -> None:
+def test_what_rests_on_what_is_old_or_of_another_run_is_noticed_and_so_is_a_run_that_is_named_again() -> None:
     night = Night(REALTIME)
     events = played(night, until=4.0)
     last = next(e for e in reversed(events) if isinstance(e, Said) and isinstance(e.message, Consensus))
     assert isinstance(last.message, Consensus)
     later = replace(last, message=last.message.model_copy(update={"ancestors": {"r1": 9.0}}))
+    robot = last.message.subject.removeprefix("robot/")
+    older = replace(last, message=last.message.model_copy(update={"ancestors": {robot: last.message.time - 10.5}}))
+    assert not judged(AgesAreTrue(night), events)
+    assert f"rests on what {robot} said 10.5 s ago" in judged(AgesAreTrue(night), [*events, older])
     assert not judged(NothingIsFromLater(night), events)
     assert "rests on r1 at 9.0 s" in judged(NothingIsFromLater(night), [*events, later])
     assert not judged(RunsAreNew(night), events)

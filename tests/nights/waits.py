@@ -136,7 +136,7 @@ class BoardsWaitForForwards(Oracle):
         for sub_team, name, tick in self._listed[event.process] - self._passed[event.process]:
             waits = (
                 board.participants.has_board(sub_team, name)
-                and f"board/{sub_team}/{name}" not in board.reception._in_vain
+                and f"board/{sub_team}/{name}" not in board.reception.in_vain
             )
             if tick == status.tick and sub_team != board.sub_team and waits:
                 self.breaks(event.at, f"{event.process} is done with tick {tick} before it has what {name} passes on")
@@ -199,7 +199,7 @@ class BoardsWaitForReports(Oracle):
         heard, begun = self._heard[event.process], self._begun.get(board.clock.run, 0.0)
         for robot in board.participants.robots():
             listed = self._lists[event.process].get(robot)
-            if listed is None or listed.tick != status.tick or f"robot/{robot}" in board.reception._in_vain:
+            if listed is None or listed.tick != status.tick or f"robot/{robot}" in board.reception.in_vain:
                 continue
             for subject in listed.subjects:
                 ticks = [
@@ -265,7 +265,7 @@ class LockstepIsWhole(Oracle):
     def _is_on_time(self, process: str, board: BoardService) -> bool:
         late = board.counters["late"]
         before, self._late[process] = self._late.get(process, -1), late
-        return late == before and not board.reception._in_vain.names
+        return late == before and not board.reception.in_vain.names
 
     def _judge_pieces(self, event: Said, board: BoardService, status: Status) -> None:
         is_on_time, before = self._is_on_time(event.process, board), self._tick.get(event.process)
@@ -284,7 +284,7 @@ class LockstepIsWhole(Oracle):
 
     def _judge_ages(self, event: Said, board: BoardService, consensus: Consensus) -> None:
         may_be_old = consensus.level == "consensus" and self._may_be_old
-        known = self._late.get(event.process) == board.counters["late"] and not board.reception._in_vain.names
+        known = self._late.get(event.process) == board.counters["late"] and not board.reception.in_vain.names
         if not known or may_be_old or not consensus.subject.startswith("robot/"):
             return
         for used in consensus.used:
@@ -326,7 +326,7 @@ class LateAreWaitedForAgain(Oracle):
             return
         answers = self._answers[event.process]
         for who in in_vain.names:
-            times, left, _ = in_vain._debts[who]
+            times, left, _ = in_vain.debts[who]
             if self._owed.get((event.process, who), (0, 0))[0] != times:
                 self._owed[event.process, who] = times, left
                 answers[who].clear()
@@ -340,8 +340,8 @@ class LateAreWaitedForAgain(Oracle):
 def in_vain_of(service: Service) -> InVain | None:
     """Whom a process waits for no longer; None: it waits for nobody."""
     if isinstance(service, BoardService):
-        return service.reception._in_vain
-    return service.members._in_vain if isinstance(service, WorldService) else None
+        return service.reception.in_vain
+    return service.members.in_vain if isinstance(service, WorldService) else None
 
 
 def answers_in(event: Heard) -> list[tuple[str, int]]:
