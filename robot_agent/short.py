@@ -14,7 +14,16 @@ import numpy as np
 from blackboard.opinion.gaussian.relation import triangle, upper
 from blackboard.opinion.gaussian.vehicle import HEADING
 from blackboard.opinion.grid import Array
-from blackboard.wire.evidence import PackedCamera, PackedEvidence, PackedIncrement, PackedRelative, PackedState, Seen
+from blackboard.wire.evidence import (
+    PackedCamera,
+    PackedCompass,
+    PackedEvidence,
+    PackedIncrement,
+    PackedRelative,
+    PackedState,
+    Seen,
+)
+from blackboard.wire.types import LEAST
 
 #: A larger sum stays as it is: so the sums of an epoch never shrink, and a distance is right to 1/256 of a unit.
 ROUNDED = 2.0**16
@@ -43,6 +52,8 @@ def shorter(evidence: PackedEvidence) -> PackedEvidence:
     }
     if evidence.camera is not None:
         changes["camera"] = PackedCamera(**{name: _singles(value) for name, value in evidence.camera})
+    if evidence.compass is not None:
+        changes["compass"] = _compass(evidence.compass)
     if evidence.state is not None:
         changes["state"] = _state(evidence.state)
     if evidence.increment is not None:
@@ -62,6 +73,11 @@ def _sum(value: float) -> float:
 def _singles(value: Any) -> Any:
     """A number, or any sequence of sequences of numbers, as float32."""
     return single(value) if isinstance(value, float) else tuple(map(_singles, value))
+
+
+def _compass(packed: PackedCompass) -> PackedCompass:
+    numbers = {name: single(value) for name, value in packed if value is not None}
+    return packed.model_copy(update={**numbers, "sigma": max(LEAST, numbers["sigma"])})
 
 
 def _relative(packed: PackedRelative) -> PackedRelative:

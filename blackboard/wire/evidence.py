@@ -39,6 +39,7 @@ MAX_PROFILE = 64
 MAX_VALUES = 8
 MOST_ALIKE = 0.99
 MOST_LOG = 4.0  # binary logarithm of a factor of noise: 16 times; robots estimate up to 8
+MOST_NOISE = 2048.0  # a factor of a compass's sigma: robots estimate up to 1024
 TIED = 1e-9  # the least eigenvalue of a sighting's covariance, of its scale
 
 
@@ -190,6 +191,25 @@ class PackedCamera(Part):
     """of the sigma of a bearing"""
 
 
+class PackedCompass(Part):
+    """A reading of a compass that may be askew, at the end of the tick. All readings err alike, so it is not in `increment`."""
+
+    heading: Finite
+    """radians, as the compass reads"""
+    sigma: Annotated[float, Field(ge=LEAST, le=LARGEST)]
+    """of its fresh error, as the compass claims, radians"""
+    noise: Annotated[float, Field(ge=1.0, le=MOST_NOISE)] = 1.0
+    """the factor of this sigma that was found, at least 1"""
+    most: Annotated[float, Field(ge=1.0, le=MOST_NOISE)] | None = None
+    """the largest that it may be, to one sigma; none: not known yet"""
+    bias: Finite = 0.0
+    """by how much it was found to read too much, radians"""
+    bias_sigma: Annotated[float, Field(ge=0.0, le=LARGEST)] = 0.0
+    """of that, radians"""
+    tie: Annotated[float, Field(ge=-LARGEST, le=LARGEST)] = 0.0
+    """of the first-hand belief: by how much its heading grows with that, -1 where it is known by the compass alone"""
+
+
 class PackedRelative(Part):
     """Numbers that no robot has are refused (`fields`): a place, a distance, or a variance of either above 1e7; an
     angle, a scale, or an error of either above 1000.
@@ -314,6 +334,8 @@ class PackedEvidence(Part):
     """
     camera: PackedCamera | None = None
     """how noisy the camera is; none: its noise is not found, or each sighting says its own"""
+    compass: PackedCompass | None = None
+    """the heading by a compass; none: there is no compass, or `increment` has it. Older boards do not know it"""
 
     @property
     def subjects(self) -> list[str]:

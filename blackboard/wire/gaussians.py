@@ -14,6 +14,7 @@ from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.mounts import CompassReading
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured, triangle, upper
 from blackboard.opinion.gaussian.vehicle import POSE, STATES, TRACK, Motion, Nuisance, curved_and_driven
 from blackboard.opinion.grid import Array
@@ -21,6 +22,7 @@ from blackboard.wire.evidence import (
     FORMER,
     MAX_RELATIVES,
     PackedCamera,
+    PackedCompass,
     PackedEvidence,
     PackedIncrement,
     PackedMotion,
@@ -33,7 +35,7 @@ from blackboard.wire.evidence import (
     Seen,
 )
 from blackboard.wire.messages import Odometry
-from blackboard.wire.types import LARGEST
+from blackboard.wire.types import LARGEST, LEAST
 
 FULL = ("range", "bearing", "range_variance", "bearing_variance")  # of a sighting that measures both
 NEGATIVE = -1e-9  # of the largest eigenvalue: a smaller one is no rounding
@@ -66,6 +68,19 @@ def pack_evidence(evidence: Evidence) -> PackedEvidence:
         seen=[_seen(sighting) for sighting in sound if sighting.kind != "range-bearing"][:MAX_RELATIVES],
         returned=None if returned is None else pack_state(returned, states),
         camera=None if camera is None else PackedCamera(model=camera.model, range=camera.range, bearing=camera.bearing),
+        compass=None if evidence.compass is None else _packed_compass(evidence.compass),
+    )
+
+
+def _packed_compass(reading: CompassReading) -> PackedCompass:
+    return PackedCompass(
+        heading=reading.heading,
+        sigma=min(max(reading.sigma, LEAST), LARGEST),
+        noise=reading.noise,
+        most=None if math.isinf(reading.most) else max(1.0, reading.most),
+        bias=reading.bias,
+        bias_sigma=reading.bias_sigma,
+        tie=reading.tie,
     )
 
 
@@ -221,6 +236,11 @@ def unpack_nuisance(packed: PackedNuisance) -> Nuisance:
 
 def unpack_camera(packed: PackedCamera) -> CameraFound:
     return CameraFound(packed.model, packed.range, packed.bearing)
+
+
+def unpack_compass(packed: PackedCompass) -> CompassReading:
+    most = math.inf if packed.most is None else packed.most
+    return CompassReading(packed.heading, packed.sigma, packed.noise, most, packed.bias, packed.bias_sigma, packed.tie)
 
 
 def unpack_relatives(packed: PackedEvidence, observer: str) -> tuple[Relative, ...]:

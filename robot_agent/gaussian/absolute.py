@@ -11,18 +11,28 @@ No two measurements are equal to the last bit: a receiver that sees no satellite
 """
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
+from blackboard.opinion.gaussian.mounts import (
+    CompassReading,
+    Mount,
+    add_with_heading,
+    at_most,
+    compass_of,
+    heading_factor,
+    surely,
+)
 from blackboard.opinion.gaussian.relation import bias_block
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, Nuisance, correct, drive, wrap
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, Nuisance, correct, drive
 from blackboard.wire.messages import Fix, Readings
 from robot_agent.gaussian.drifting import Drifting
 from robot_agent.gaussian.factors import NoiseFactor, NoiseFactors
-from robot_agent.gaussian.mounts import Antenna, Mount, compass_of
+from robot_agent.gaussian.mounts import Antenna
 
 #: Seconds after which the lasting error of a fix is another one, an Ornstein-Uhlenbeck process as of receivers at rest (Sensors
 #: 20(21), 6050, 2020): between what is best for errors that last 5 s and 60 s, on development seeds (docs/notes/wrong-models.md).
@@ -50,15 +60,6 @@ def starting_pose(readings: Readings, compass: float) -> Moments | None:
     return Moments(np.array([*place, heading]), covariance)
 
 
-def surely(noise: NoiseFactor) -> float:
-    """The variance of a noise relative to what is claimed, where that is surely larger or smaller; else the claim holds, 1.
-
-    Larger to one sigma, because a claim that is too good is the worse mistake; smaller to two.
-    """
-    larger, smaller = (float(4.0 ** (noise.mean + sigmas * noise.sigma)) for sigmas in (-1, 2))
-    return larger if larger > 1.0 else min(smaller, 1.0)
-
-
 def place_factor(joint: Joint, robot: Block, fix: Fix, variance: float = 1.0, lasting: float = 0.0) -> Factor:
     """A fix as a measurement of a robot's block; `variance` is independent, `lasting` lasts, both relative to the claimed variance."""
     off, rows = np.array(fix.position) - joint.moments(robot).mean[AXES], np.eye(STATES)[AXES]
@@ -69,12 +70,6 @@ def place_factor(joint: Joint, robot: Block, fix: Fix, variance: float = 1.0, la
     known = joint.moments(error).mean if error in joint else np.zeros(2)
     by = np.eye(2) * fix.sigma * math.sqrt(lasting)
     return Factor(off - by @ known, {robot: rows, error: by}, noise, {error: Moments(np.zeros(2), np.eye(2))})
-
-
-def heading_factor(joint: Joint, robot: Block, heading: float, sigma: float) -> Factor:
-    """A heading (rad) as a measurement of a robot's block."""
-    off = np.array([wrap(heading - float(joint.moments(robot).mean[HEADING]))])
-    return Factor(off, {robot: np.eye(STATES)[[HEADING]]}, np.array([[sigma**2]]))
 
 
 def headings(readings: Readings, compass: float) -> dict[str, tuple[float, float]]:
@@ -119,16 +114,19 @@ class AbsoluteSensors:
     @property
     def lasting(self) -> float:
         """The share of a fix's claimed variance that counts as a lasting error."""
-        return max(0.0, 1.0 - surely(self.fix))
+        return max(0.0, 1.0 - surely(*self.fix.log))
 
     @property
     def doubtful(self) -> bool:
         """Whether the newest fix was beyond the gate."""
         return "fix" in self._beyond
 
-    def begin(self, fix: Fix | None) -> None:
-        """The belief begins with this fix."""
-        self._newest = fix
+    def begin(self, joint: Joint, readings: Readings) -> None:
+        """The belief begins with these readings."""
+        self._newest = readings.fix
+        by_compass = readings.fix is None or readings.fix.heading is None
+        if by_compass and self._is_open and readings.compass is not None:
+            add_with_heading(joint, self.compass, self.compass.prior(), -1.0)
 
     def forget(self) -> None:
         """The belief was given up: the next fix is not compared with the one before."""
@@ -139,10 +137,6 @@ class AbsoluteSensors:
     def fits(self) -> None:
         """Landmarks fit the belief, so readings beyond the gate do not speak against it."""
         self._beyond.clear()
-
-    def judge_mounts(self, joint: Joint) -> bool:
-        """Give a mounting error of antenna or compass the wide prior if its prior is contradicted. False: none is."""
-        return self.antenna.judge(joint) or self.compass.judge(joint)
 
     def errors(self, joint: Joint) -> dict[str, tuple[float, float]]:
         """The mounting errors of antenna and compass that were found, each with its sigma, by name."""
@@ -165,30 +159,51 @@ class AbsoluteSensors:
 
     def fix_factor(self, joint: Joint, fix: Fix, belief: Joint) -> Factor:
         """A fix as a measurement, linearised at a joint, with the noise that was found and the lever arm of the robot's `belief`."""
-        factor = place_factor(joint, self.robot, fix, surely(self.fix), self.lasting)
+        factor = place_factor(joint, self.robot, fix, surely(*self.fix.log), self.lasting)
         return self.antenna.measured(joint, factor, self.antenna.known(belief)) if self._is_open else factor
 
     def take(self, joint: Joint, readings: Readings, compass: float) -> bool:
         """Correct the robot by the fix and by the compass (its sigma by the model, radians), but for what is far beyond the gate.
 
-        Whether there is a fix that is not beyond it.
+        A compass that may be askew is taken before (`on_compass`). Whether there is a fix that is not beyond the gate.
         """
         if (fix := readings.fix) is not None:
             self._judge(joint, fix, readings.time)
-            self.antenna.on_noise(joint, self.fix, surely(self.fix))
+            self.antenna.on_noise(joint, surely(*self.fix.log), at_most(*self.fix.log))
             self._correct(joint, "fix", self.fix_factor(joint, fix, joint), readings.time)
         for name, (heading, sigma) in headings(readings, compass).items():
-            noise = self.headings.setdefault(name, NoiseFactor())
-            claimed = heading_factor(joint, self.robot, heading, sigma)
-            if name == "compass" and self._is_open:
-                claimed = self.compass.with_errors(claimed, np.eye(1), self.compass.known(joint))
-            rest = joint.expected(claimed).spread
-            self._factors_of(name, noise).weigh(claimed.residual, rest, claimed.noise[np.newaxis])
-            noisier = max(1.0, surely(noise))
-            self._correct(joint, name, claimed.widened(noisier), readings.time)
-            if name == "compass":
-                self.compass.on_noise(joint, noise, noisier)
+            if name != "compass" or not self._is_open:
+                self._take_heading(joint, name, heading_factor(joint, self.robot, heading, sigma), readings.time)
         return fix is not None and not self.doubtful
+
+    def reading(self, joint: Joint, readings: Readings, compass: float) -> CompassReading | None:
+        """What a compass that may be askew reads (its sigma by the model, radians), with what is known of it; None: there is none."""
+        if readings.compass is None or not self._is_open:
+            return None
+        log = self.headings.setdefault("compass", NoiseFactor()).log
+        noise, most = (math.sqrt(max(1.0, factor)) for factor in (surely(*log), at_most(*log)))
+        bias, tie = next(iter(self.compass.errors(joint).values()), (0.0, 0.0)), 0.0
+        if self.compass.block in joint:
+            of_heading = joint.regression(joint.blocks[self.compass.block].start)
+            tie = float(of_heading[joint.blocks[self.robot]][HEADING])
+        return CompassReading(readings.compass, readings.compass_sigma or compass, noise, most, *bias, tie)
+
+    def on_compass(self, joint: Joint, reading: CompassReading, time: float, others: Collection[Joint] = ()) -> None:
+        """Correct the robot by a compass that may be askew, at a team time (s); `others` know nothing of its error."""
+        claimed = heading_factor(joint, self.robot, reading.heading, reading.sigma)
+        known = self.compass.known(joint)
+        self._take_heading(joint, "compass", self.compass.with_errors(claimed, np.eye(1), known), time)
+        log = self.headings["compass"].log
+        self.compass.on_noise(joint, max(1.0, surely(*log)), at_most(*log))
+        sigma = math.sqrt(reading.variance + float(known.covariance[0, 0]))
+        for other in others if "compass" not in self._beyond else ():
+            correct(other, heading_factor(other, self.robot, reading.heading - float(known.mean[0]), sigma))
+
+    def _take_heading(self, joint: Joint, name: str, claimed: Factor, time: float) -> None:
+        """Take a heading with the noise that it claims or, if that is larger, with the noise that it is found to have."""
+        noise = self.headings.setdefault(name, NoiseFactor())
+        self._factors_of(name, noise).weigh(claimed.residual, joint.expected(claimed).spread, claimed.noise[np.newaxis])
+        self._correct(joint, name, claimed.widened(max(1.0, surely(*noise.log))), time)
 
     @property
     def _is_open(self) -> bool:

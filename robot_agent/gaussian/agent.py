@@ -20,6 +20,7 @@ from blackboard.opinion.gaussian.comparing import RETURNING
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments, squared_distance
+from blackboard.opinion.gaussian.mounts import CompassReading, add_with_heading, compass_of, reading_factor
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Objects
 from blackboard.opinion.gaussian.team import TeamJoint
@@ -52,6 +53,7 @@ class Step:
     time: float  # team time, seconds
     motion: Motion
     increment: Increment | None
+    compass: CompassReading | None = None
 
 
 class JointAgent:
@@ -74,7 +76,7 @@ class JointAgent:
         #: Of this robot alone, with the objects that it saw; numbers of tracks are the team's.
         self.own = TeamJoint(Objects(drift=settings.objects.drift), tracks=Tracks(room=0))
         self.searching: Agent | None = None  # its grids, while there is no Gaussian belief
-        self.team: Moments | None = None  # where the team's joint has this robot, moved on to the newest tick
+        self._moved: Joint | None = None  # where the team's joint has this robot, moved on to the newest tick
         self._team_ancestors: Mapping[str, float] = {}
         self._team_until = -math.inf  # team time (s) of this robot's newest readings that it contained when it came
         self._team_epoch = -1  # of the filter when it came
@@ -95,13 +97,13 @@ class JointAgent:
         place = agreed.get(self.subject)
         readings = trackable(readings, [block for block in self.own.joint.blocks if isinstance(block, str)])
         told = self.filter.step(readings, self._linear(place))
-        self._steps.append(Step(readings.time, told.motion, told.increment))
+        self._steps.append(Step(readings.time, told.motion, told.increment, told.compass))
         shown = self.team
         self._follow(None if self.feedback == "off" else place)
         if isinstance(self.filter, Given) and self.filter.gain is not None and shown is not None:
-            moved = self._moved_on(shown, Step(readings.time, told.motion, None))
-            assert moved is not None
-            self.filter.independence.judge(self.subject, self.filter.gain, shown, moved)
+            ahead = Joint.of({self.subject: shown})
+            self._move(ahead, Step(readings.time, told.motion, None))
+            self.filter.independence.judge(self.subject, self.filter.gain, shown, ahead.moments(self.subject))
         said = replace(told, increment=told.unsent, returned=self._returned(readings.time, told))
         self.own.settle(readings.tick, 0.0 if self._time is None else max(0.0, readings.time - self._time), [told])
         # It has none to begin with, and looks for its place itself.
@@ -116,6 +118,11 @@ class JointAgent:
         self._time = readings.time
         told_own = {"evidence": pack_evidence(said), "unnamed": []}  # the evidence has what it cannot name
         return [r.model_copy(update=told_own) if r.subject == self.subject else r for r in reports], solo
+
+    @property
+    def team(self) -> Moments | None:
+        """Where the team's joint has this robot, moved on to the newest tick, its whole block; None: it does not have it."""
+        return None if self._moved is None else self._moved.moments(self.subject)
 
     def pose(self) -> Moments | None:
         """Where the robot is, (x, y, heading) with covariance, shape (3,) and (3, 3): as the team has it, else by its own readings.
@@ -167,7 +174,7 @@ class JointAgent:
         if self.searching is None:
             self.searching = Agent(self.robot, self.settings, self.grid, self.feedback, self.filter.untold)
         reports, solo = self.searching.tick(readings, agreed)
-        self.team = None
+        self._moved = None
         pose = pose_of(self.searching.firsthand.localizer)
         if pose is None and (at := pose_of(self.searching.informed.localizer)) is not None:
             pose = Moments(at.mean, 2 * at.covariance if self.searching.informed.parts else NOTHING)
@@ -222,22 +229,36 @@ class JointAgent:
         """
         newest, until = list(self._steps)[-1:], self._until(place)
         if place is not None and until is not None and self._team_until < until and self._steps[0].time <= until:
-            self.team, self._team_until, self._team_ancestors = place.state, until, place.ancestors
+            self._moved = None if place.state is None else Joint.of({self.subject: place.state})
+            self._team_until, self._team_ancestors = until, place.ancestors
             self._team_epoch = self.filter.epoch
             newest = [step for step in self._steps if step.time > until]
-        for step in newest:
-            self.team = self._moved_on(self.team, step)
+        if self._moved is not None:
+            for step in newest:
+                self._move(self._moved, step)
 
-    def _moved_on(self, state: Moments | None, step: Step) -> Moments | None:
-        if state is None:
-            return None
-        joint = Joint()
-        joint.add(self.subject, state)
+    def _move(self, joint: Joint, step: Step) -> None:
+        """Move this robot on in a joint by what it measured in a tick."""
         drive(joint, self.subject, step.motion, self.filter.sensors.wheels.nuisance)
+        if step.compass is not None:
+            self._turn(joint, step.compass)
         gained = None if step.increment is None else likelihood(joint, self.subject, step.increment)
         if gained is not None:
             correct(joint, gained)
-        return joint.moments(self.subject)
+
+    def _turn(self, joint: Joint, reading: CompassReading) -> None:
+        """Take a reading of the compass.
+
+        The joint does not know by how much the compass is askew. So the first reading begins that error, and later ones tell the turn.
+        """
+        mount = compass_of(self.subject)
+        if mount.block in joint:
+            correct(joint, reading_factor(joint, self.subject, reading, mount))
+        else:
+            at = joint.blocks[self.subject].start + HEADING
+            variance = float(joint.variances[at])
+            off, prior = wrap(reading.heading - float(joint.mean[at])), reading.variance + variance
+            add_with_heading(joint, mount, Moments(np.array([off]), np.array([[prior]])), -variance / prior)
 
     def _returned(self, time: float, told: FilterResult) -> Moments | None:
         """What the team knew of this robot before a board came, if that says more than the first-hand belief; shape (12,), (12, 12).

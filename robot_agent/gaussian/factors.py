@@ -41,6 +41,11 @@ class NoiseFactor:
         return max(self.least, float(4.0**self.mean))
 
     @property
+    def log(self) -> tuple[float, float]:
+        """Mean and sigma of the binary logarithm of s."""
+        return self.mean, self.sigma
+
+    @property
     def at_least(self) -> float:
         """The binary logarithm of s, less one sigma."""
         return self.mean - self.sigma

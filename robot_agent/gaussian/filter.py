@@ -159,6 +159,9 @@ class FirstHand:
         named = self._named(readings, moved, motion)
         landmarks, others = self._sightings(named, motion.dt)
         motion = self._newest_motion = self._with_mishaps(motion, landmarks, readings.fix)
+        by_compass = self.absolute.reading(self.joint, readings, self.sensors.compass)
+        if by_compass is not None and self.known:
+            self.absolute.on_compass(self.joint, by_compass, readings.time, self._joints()[1:])
         prediction = self.belief
         self._unsent.predict(prediction)
         team = None if moved is None else moved.mean
@@ -175,7 +178,16 @@ class FirstHand:
             increment = unsent = None
         said = self.travelled, self.sensors.wheels.nuisance, self.belief, increment, others, readings.time
         camera = self.camera.found(self.sensors.camera)
-        return FilterResult(self.robot, self.epoch, readings.tick, *said, camera=camera, motion=motion, unsent=unsent)
+        return FilterResult(
+            self.robot,
+            self.epoch,
+            readings.tick,
+            *said,
+            camera=camera,
+            compass=self.absolute.reading(self.joint, readings, self.sensors.compass),
+            motion=motion,
+            unsent=unsent,
+        )
 
     def _named(self, readings: Readings, team: Joint | None, motion: Motion) -> Named:
         """Recognise landmarks by where the team, if it is plausible, or else the own belief has the robot."""
@@ -296,10 +308,11 @@ class FirstHand:
             replace_prior(self.joint, self.joint.blocks[self.robot].start + state, mean, variance)
             self.widened = (*self.widened, state)
         has_odometry = not self.untold.is_all and self.robot not in self.distrust
-        mounted_otherwise = has_odometry and self.absolute.judge_mounts(self.joint)
-        if mounted_otherwise:  # A board keeps what it was told by the wrong model until a new epoch begins.
+        is_elsewhere = has_odometry and self.absolute.antenna.judge(self.joint)
+        if is_elsewhere:  # A board keeps what it was told by the wrong model until a new epoch begins.
             self._begin_epoch(time)
-        if worst is not None or mounted_otherwise:
+        is_askew = has_odometry and self.absolute.compass.judge(self.joint)
+        if worst is not None or is_elsewhere or is_askew:
             self.wheels.give_up()
             self.mishaps.forget()
             self._unsent.forget()
@@ -530,7 +543,7 @@ class FirstHand:
     def _start(self, readings: Readings) -> None:
         if (pose := starting_pose(readings, self.sensors.compass)) is not None:
             self.enter(pose)
-            self.absolute.begin(readings.fix)
+            self.absolute.begin(self.joint, readings)
 
     def _is_flat(self) -> bool:
         covariance = self.joint.moments(self.robot).covariance

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.mounts import surely
 from blackboard.opinion.gaussian.vehicle import (
     BEARING,
     CURVED_TURN,
@@ -18,7 +19,7 @@ from blackboard.opinion.gaussian.vehicle import (
     TURN,
 )
 from blackboard.opinion.grid import Array
-from robot_agent.gaussian.absolute import AbsoluteSensors, surely
+from robot_agent.gaussian.absolute import AbsoluteSensors
 from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 
@@ -65,6 +66,6 @@ def findings(
     noise = wheels.found | {"range": camera.range, "bearing": camera.bearing}
     told |= {f"{name} noise": math.sqrt(learned.variance) for name, learned in noise.items()}
     claimed = {"fix": absolute.fix} | absolute.headings
-    told |= {f"{name} noise": math.sqrt(surely(learned)) for name, learned in claimed.items()}
+    told |= {f"{name} noise": math.sqrt(surely(*learned.log)) for name, learned in claimed.items()}
     told |= {"stuck": mishaps.stuck, "moved": mishaps.moved}
     return {name: round(value, 4) for name, value in told.items()}

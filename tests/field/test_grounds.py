@@ -41,8 +41,9 @@ def test_a_robot_whose_wheels_measure_nothing_leads_nobody_away(has_gps: bool) -
         (9802, {"longer": 1.1}, 1.4, 0.88),
         (2, {"askew": 0.2}, 1.4, 0.9),
         (2, {"less": (0.7, 1.0)}, 1.5, 0.9),
+        (2, {"compass": 0.2}, 2.0, 0.6),
     ],
-    ids=["long ranges", "askew", "short ways"],
+    ids=["long ranges", "askew", "short ways", "compasses"],
 )
 def test_sensors_that_are_far_from_what_robots_were_told_are_found_out(
     seed: int, wrong: dict[str, Any], times: float, covered: float

@@ -43,6 +43,7 @@ def readings(
     fix: Fix | tuple[float, float] | None = None,
     distance: float | None = 0.5,
     dt: float = 0.5,
+    compass: float = 0.0,
 ) -> Readings:
     """Those of r1 that looks along x and has driven since the tick before; a `fix` that is a place has a sigma of 1."""
     moved = bool(tick) and distance is not None
@@ -52,7 +53,7 @@ def readings(
         tick=tick,
         time=0.5 * tick,
         odometry=Odometry(distance=distance, turn=0.0, dt=dt) if moved else None,
-        compass=0.0,
+        compass=compass,
         fix=Fix(position=fix, sigma=1.0) if isinstance(fix, tuple) else fix,
         sightings=list(sightings),
     )

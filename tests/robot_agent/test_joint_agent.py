@@ -11,7 +11,7 @@ from blackboard.lab.team import played
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import triangle
-from blackboard.opinion.gaussian.vehicle import AXES, CURVED_TURN, STATES, TURN
+from blackboard.opinion.gaussian.vehicle import AXES, CURVED_TURN, HEADING, STATES, TURN
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import PackedState, Seen
@@ -19,6 +19,7 @@ from blackboard.wire.messages import Odometry, Readings, Report, Sighting
 from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection, settings_of
 from robot_agent.gaussian.agent import JointAgent
+from robot_agent.gaussian.sensors import Sensors
 from tests.present import present
 from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, sight_of
 
@@ -127,6 +128,20 @@ def test_the_team_s_word_is_moved_on_by_what_was_measured_since() -> None:
         assert informed(own) == pytest.approx((14.0, 12.0), abs=0.3), "two ticks of half a cell since"
         assert present(own.informed).ancestors == {"r1": 1.5, "r2": 0.5}
     assert informed(by_subject(first)["robot/r1"]) == pytest.approx(informed(by_subject(second)["robot/r1"]), abs=1e-6)
+
+
+def test_without_network_a_compass_that_is_askew_tells_how_far_it_turned_and_not_how_it_is_turned() -> None:
+    """As an increment, it turned what the team had told by .3 rad."""
+    agent = JointAgent("r1", RobotSection(), GRID, sensors=Sensors())
+    for tick in range(80):
+        said = readings(tick, fix=(10, 10) if tick == 0 else None, distance=0.0, compass=0.3)
+        agent.tick(said, agreed(0.5, 13, 12) if tick == 2 else {})
+    known = present(agent.team)
+    assert known.mean[HEADING] == pytest.approx(0.0, abs=0.02)
+    assert math.sqrt(known.covariance[HEADING, HEADING]) <= 0.1
+    sent = present(by_subject(agent.tick(said, {})[0])["robot/r1"].evidence)
+    assert present(sent.compass).heading == pytest.approx(0.3)
+    assert sent.increment is None
 
 
 def returned(agent: JointAgent, tick: int, team: dict[str, TeamBelief] | None = None) -> PackedState | None:

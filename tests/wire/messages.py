@@ -10,6 +10,7 @@ from blackboard.opinion.gaussian.cameras import CameraFound
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.mounts import CompassReading
 from blackboard.opinion.gaussian.relation import Bias, Relative, measured
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
 from blackboard.opinion.grid import Grid
@@ -117,6 +118,7 @@ EVIDENCE = pack_evidence(
         ),
         returned=STATE,
         camera=CameraFound((0.03, 0.07, 0.02), (0.5, 0.2), (-0.25, 0.1)),
+        compass=CompassReading(0.3, 0.05, 1.25, 2.0, 0.125, 0.02, -0.5),
     )
 )
 FORWARD = Forward(

@@ -13,6 +13,7 @@ from blackboard.opinion.gaussian.vehicle import FORWARD, TURN
 from blackboard.wire.evidence import PackedEvidence
 from blackboard.wire.gaussians import (
     unpack_camera,
+    unpack_compass,
     unpack_increment,
     unpack_motion,
     unpack_nuisance,
@@ -51,6 +52,7 @@ def unpack(robot: str, tick: int, time: float, packed: PackedEvidence) -> Eviden
         time=time,
         returned=None if packed.returned is None else unpack_state(packed.returned),
         camera=None if packed.camera is None else unpack_camera(packed.camera),
+        compass=None if packed.compass is None else unpack_compass(packed.compass),
     )
 
 
@@ -66,6 +68,8 @@ def check(packed: PackedEvidence) -> None:
     for relative in packed.relatives:
         places += [relative.range, relative.range_variance, *(sigma for sigma, _ in relative.biases)]
         errors += [abs(relative.bearing), relative.bearing_variance]
+    if packed.compass is not None:
+        errors += [abs(number) for number in (packed.compass.heading, packed.compass.sigma, packed.compass.bias)]
     for seen in packed.seen:
         numbers = [abs(number) for number in (*seen.values, *seen.covariance, *(sigma for sigma, _ in seen.biases))]
         (errors if seen.kind == "bearing" else places).extend(numbers)
@@ -106,7 +110,7 @@ def reason(verdict: Verdict) -> str:
         return f"contradicted by {names(verdict.outvoted_by)}"
     most = quantile(GATE, verdict.freedom)
     if verdict.squared > most:
-        what = "sighting" if verdict.kind == "relative" else "own place"
+        what = {"relative": "sighting", "compass": "compass"}.get(verdict.kind, "own place")
         far, limit = math.sqrt(verdict.squared), math.sqrt(most)
         return f"its {what} is {far:.1f} sigmas from what the team believes (limit {limit:.1f})"
     return "most of the team contradicts it or what it saw"
@@ -116,7 +120,7 @@ def learned(innovations: Innovations, sources: Iterable[str]) -> list[Learned]:
     """How over-confident the evidence of some robots is: the larger factor of what they say of themselves and of others."""
     rows = []
     for source in sources:
-        kinds = [(source, kind) for kind in ("increment", "relative")]
+        kinds = [(source, kind) for kind in ("increment", "compass", "relative")]
         samples = max(innovations.samples(kind) for kind in kinds)
         variance = max(innovations.variance(kind) for kind in kinds)
         name = source.removeprefix("robot/")

@@ -14,6 +14,7 @@ from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.mounts import Mount, add_with_heading, compass_of, reading_factor
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
@@ -107,6 +108,9 @@ def _add(team: TeamState, evidence: Evidence, belief: Moments) -> None:
     like = [other for other in sorted(team.known) if other in team.joint and team.known[other].nuisance == nuisance]
     with team.blaming(evidence.robot):
         add_alike(team.joint, evidence.robot, belief, nuisance, like if nuisance.alike else [])
+        if evidence.compass is not None:
+            mount = _compass(team, evidence)
+            add_with_heading(team.joint, mount, mount.prior(), evidence.compass.tie)
 
 
 def _returned(team: TeamState, evidence: Evidence) -> Moments | None:
@@ -122,6 +126,35 @@ def _returned(team: TeamState, evidence: Evidence) -> Moments | None:
         team.joint.covariance *= AGAIN
     team.returned_at = max(team.returned_at, evidence.time)
     return Moments(evidence.returned.mean, team.limits.blunted(evidence.returned.covariance))
+
+
+def take_compass(team: TeamState, evidence: Evidence) -> None:
+    """Take a reading of a compass into the joint, if the gate lets it through."""
+    robot, reading = evidence.robot, evidence.compass
+    if reading is None:
+        return
+    mount = _compass(team, evidence)
+    if mount.on_noise(team.joint, reading.noise**2, reading.most**2):
+        team.north.forget(team.joint)
+    factor = reading_factor(team.joint, robot, reading, mount, team.north)
+    team.joint.begin(factor.priors)
+    expected, told = team.joint.expected(factor), np.zeros(HEADING + 1)
+    factor, squared = team.weighed((robot, "compass"), factor, expected.innovation(factor))
+    taken = squared <= quantile(GATE, 1)
+    team.add_verdict(Verdict(robot, robot, "compass", squared, 1, taken))
+    if taken:
+        correct(team.joint, factor, team.bounded(robot, factor, team.moved_by(robot), expected), expected)
+    told[HEADING] = 1.0
+    _note(team, robot, told, taken=taken)
+
+
+def _compass(team: TeamState, evidence: Evidence) -> Mount:
+    """The mounting error of the compass with which a robot has told a reading; at first it is as large as the robot says."""
+    robot, reading = evidence.robot, evidence.compass
+    assert reading is not None
+    if robot not in team.compasses:
+        team.compasses[robot] = compass_of(robot, max(reading.sigma, reading.bias_sigma), reading.bias)
+    return team.compasses[robot]
 
 
 def multiply(team: TeamState, evidence: Evidence) -> None:
@@ -141,6 +174,11 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
         if not team.contacts.is_reckoned(robot):
             fit = TakenIncrement(expected.innovation(factor), factor.jacobians[robot][:, AXES])
             team.strayed.confirm_itself(robot, fit)
+    _note(team, robot, told, taken=taken)
+
+
+def _note(team: TeamState, robot: str, told: Array, *, taken: bool) -> None:
+    """Count what was left out of what a robot tells of x, y and its heading, by shares, shape (3,). After some its pose is widened."""
     left_out = team.known[robot].left_out
     left_out = left_out * (1.0 - told) if taken else left_out + told
     if left_out.max() >= PATIENCE:

@@ -14,6 +14,7 @@ from blackboard.opinion.gaussian.coalitions import Choice
 from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Moments
+from blackboard.opinion.gaussian.mounts import CompassReading
 from blackboard.opinion.gaussian.naming import Unnamed
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance
@@ -27,7 +28,8 @@ class Evidence:
     the sum of all motions of the epoch, so that a lost report loses no motion. `belief` is the whole first-hand block
     after the tick, from which a robot enters; None while it has no single hypothesis, and then `increment` is None too.
     `time` is when the tick ended, in seconds of team time. `returned` is what an earlier joint knew of the robot (`comparing.enter`).
-    `camera` is what was found of the noise with which `relatives` are told; None of a camera of which nothing is found.
+    `camera` is what was found of the noise with which `relatives` are told; None of a camera of which nothing is found. `compass` is
+    its reading at the end of the tick, if it is not in `increment`.
     """
 
     robot: str
@@ -41,6 +43,7 @@ class Evidence:
     time: float = 0.0
     returned: Moments | None = None
     camera: CameraFound | None = None
+    compass: CompassReading | None = None
 
     def named(self) -> Evidence:
         """Without the sightings of which only the class is told."""
@@ -63,7 +66,7 @@ class Verdict:
 
     source: str
     subject: str
-    kind: Literal["increment", "relative"]
+    kind: Literal["increment", "compass", "relative"]
     squared: float
     freedom: int
     taken: bool

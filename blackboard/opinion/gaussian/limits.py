@@ -16,6 +16,7 @@ Nothing that stays within them is changed, to the bit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -26,6 +27,7 @@ import numpy as np
 from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
+from blackboard.opinion.gaussian.mounts import CompassReading, heading_factor
 from blackboard.opinion.gaussian.relation import Profile, Relative, triangle, upper
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, Nuisance, correct, drive
 from blackboard.opinion.grid import Array
@@ -79,6 +81,12 @@ class Limits(Copyable):
         """Move a robot by what it says of itself."""
         if robot in self._alone:
             drive(self._alone[robot], robot, motion, nuisance)
+
+    def on_compass(self, robot: str, reading: CompassReading | None) -> None:
+        """A robot's heading by its compass, as if that had no error that lasts."""
+        if reading is not None and robot in self._alone:
+            alone = self._alone[robot]
+            correct(alone, heading_factor(alone, robot, reading.heading - reading.bias, math.sqrt(reading.variance)))
 
     def increment(
         self, robot: str, increment: Increment | None, variance: float, told: Moments | None = None

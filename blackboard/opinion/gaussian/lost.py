@@ -16,8 +16,8 @@ from blackboard.opinion.gaussian.evidence import Verdict
 # Seconds; these numbers are the likeliest of some on 12 runs of `blackboard lab --lost`, seeds 1 and 2.
 SOUND, ASTRAY = (200.0, 10.0)
 WIDE = 1.5
-#: What a robot gained, what it says of where it is, and sightings.
-AGREES = {"increment": 0.9, "own": 0.4, "relative": 0.6}
+#: What a robot gained, its compass too, what it says of where it is, and sightings.
+AGREES = {"increment": 0.9, "compass": 0.9, "own": 0.4, "relative": 0.6}
 COUNTED = 0.3
 SPACING = 1.0  # seconds
 ELSEWHERE = 0.6  # the probability that an object is not where it is believed to be

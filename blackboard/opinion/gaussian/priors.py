@@ -28,6 +28,7 @@ FOUND = {
     BEARING: "bearing bias found (rad)",
     RANGE: "range bias found (share)",
 }
+COMPASS_FOUND = "compass bias found (rad)"
 
 
 def contradicted(
@@ -85,9 +86,11 @@ def replace_prior(joint: Joint, state: int, mean: float, variance: float) -> Non
 
 def found_in(parameters: Mapping[str, object]) -> dict[str, float]:
     """Those parameters of a consensus that tell sensor errors (`FOUND`): name -> value; what is no number is left out."""
-    return {name: value for name in FOUND.values() if isinstance(value := parameters.get(name), float)}
+    return {
+        name: value for name in (*FOUND.values(), COMPASS_FOUND) if isinstance(value := parameters.get(name), float)
+    }
 
 
-def spread_of_means(before: float, after: float, state: int) -> float:
-    """The sigma of the change of a state's mean when its variance goes from `before` to `after`, if the wide prior is right."""
-    return (1 - before / after) * math.sqrt(max(0.0, WIDE[state] ** 2 - after))
+def spread_of_means(before: float, after: float, wide: float) -> float:
+    """The sigma of the change of a state's mean when its variance goes from `before` to `after`, if the `wide` prior is right."""
+    return (1 - before / after) * math.sqrt(max(0.0, wide**2 - after))

@@ -23,9 +23,10 @@ from blackboard.opinion.gaussian.influence import Influence
 from blackboard.opinion.gaussian.innovations import Innovations, Source
 from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Innovation, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.limits import Limits
+from blackboard.opinion.gaussian.mounts import Mount, north_of
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
-from blackboard.opinion.gaussian.priors import FOUND, contradicted, spread_of_means, widen
+from blackboard.opinion.gaussian.priors import COMPASS_FOUND, FOUND, WIDE, contradicted, spread_of_means, widen
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
 from blackboard.opinion.gaussian.speeds import Speeds
@@ -119,6 +120,8 @@ class TeamState(Copyable):
     #: Robot -> states of its block whose prior was contradicted and replaced by a wide one (`priors`).
     widened: dict[str, tuple[int, ...]] = field(default_factory=dict)
     entered: dict[str, Moments] = field(default_factory=dict)  # robot -> its block when it entered
+    north: Mount = field(default_factory=north_of)  # what all compasses read too much
+    compasses: dict[str, Mount] = field(default_factory=dict)  # of robots that tell readings: how they are mounted
     known: dict[str, Known] = field(default_factory=dict)
     first_entry: float | None = None  # `elapsed` when the first robot entered
     #: Team time (s) of the newest knowledge of an earlier joint that a robot has returned.
@@ -134,6 +137,7 @@ class TeamState(Copyable):
         other = super().copy()
         other.rings = {subject: ring.copy() for subject, ring in self.rings.items()}
         other.used = {observer: dict(used) for observer, used in self.used.items()}
+        other.compasses = {robot: mount.copy() for robot, mount in self.compasses.items()}
         return other
 
     def drop(self, subject: str) -> None:
@@ -142,11 +146,12 @@ class TeamState(Copyable):
         self.strayed.forget(subject)
         self.widened.pop(subject, None)
         self.entered.pop(subject, None)
+        self.compasses.pop(subject, None)
         for block in list(self.joint.blocks):
             if block == subject or (isinstance(block, tuple) and subject in block[1:3]):
                 self.joint.drop(block)
                 if isinstance(block, tuple):
-                    del self.used[block[1]][block]
+                    self.used.get(block[1], {}).pop(block, None)
 
     def leave_out(self, robots: frozenset[str]) -> None:
         """From now on, take nothing of these robots; the objects that one newly left out has seen enter again without it.
@@ -334,7 +339,9 @@ class TeamState(Copyable):
         """Replace priors of sensor errors (scales, camera direction) that sightings contradict by wide ones (`priors`).
 
         At most one of each robot in a tick, and each once. One robot alone cannot tell its errors from the motion of what it sees.
+        Compasses are judged where odometry is believed.
         """
+        self._widen_compass()
         if len(self.known) < 2:
             return
         for robot in filter(self.knows, sorted(self.known)):
@@ -343,29 +350,46 @@ class TeamState(Copyable):
             if worst is not None:
                 self.widened[robot] = (*done, worst[0])
                 with self.blaming(robot):
-                    self._widen_prior(robot, *worst)
+                    self._widen_prior(robot, self.joint.blocks[robot].start + worst[0], *worst[1:], WIDE[worst[0]])
+
+    def _widen_compass(self) -> None:
+        """Replace the prior of the error of a compass, or of what all compasses have in common: of that which is contradicted most."""
+        robots = [robot for robot in sorted(self.compasses) if self.knows(robot) and robot not in self.distrust]
+        mounts = [(robot, self.compasses[robot]) for robot in robots]
+        doubt = max((mount.doubt for _, mount in mounts), default=1.0)
+        told = [(mount.contradicted(self.joint, mount.doubt), robot, mount) for robot, mount in mounts]
+        told += [(self.north.contradicted(self.joint, doubt), robot, self.north) for robot in robots[:1]]
+        contradicted = [(worst, robot, mount) for worst, robot, mount in told if worst is not None]
+        if contradicted:
+            worst, robot, mount = max(contradicted, key=lambda one: one[0].beyond)
+            mount.found |= {worst.part}
+            with self.blaming(robot):
+                self._widen_prior(robot, self.joint.blocks[mount.block].start, worst.mean, worst.variance, mount.wide)
 
     def found(self, robot: str) -> dict[str, float]:
         """The estimates of those sensor errors of a robot whose prior was contradicted, by name (`priors.FOUND`)."""
         first = self.joint.blocks[robot].start
-        return {FOUND[state]: float(self.joint.mean[first + state]) for state in self.widened.get(robot, ())}
+        found = {FOUND[state]: float(self.joint.mean[first + state]) for state in self.widened.get(robot, ())}
+        mount = self.compasses.get(robot)
+        if mount is not None and (mount.found or self.north.found):
+            found[COMPASS_FOUND] = float(mount.known(self.joint).mean[0] + self.north.known(self.joint).mean[0])
+        return found
 
-    def _widen_prior(self, robot: str, state: int, mean: float, variance: float) -> None:
-        """A state of a robot gets another mean and variance, and all else follows by regression.
+    def _widen_prior(self, robot: str, at: int, mean: float, variance: float, wide: float) -> None:
+        """A lasting error of a robot, by its index, gets another mean and variance; all else follows by regression.
 
         Where mates would move farther than an honest robot may move them (`influence`), only the robot itself moves.
         """
         own = self.joint.blocks[robot]
-        at = own.start + state
         coefficients = self.joint.regression(at)
         moved = coefficients * (mean - self.joint.mean[at])
         if self.influence.is_counted(len(self.known)):
-            sigmas = coefficients * spread_of_means(self.joint.variances[at], variance, state)
+            sigmas = coefficients * spread_of_means(self.joint.variances[at], variance, wide)
             after = self.influence.after_shift(self.joint, robot, moved, sigmas)
             if self.influence.beyond(self.joint, after):
                 self.tally.bounded += 1
                 alone = np.zeros_like(moved)
-                alone[own] = moved[own]
+                alone[own], alone[at] = moved[own], moved[at]
                 moved, after = alone, self.influence.after_shift(self.joint, robot, alone, np.zeros_like(alone))
             self.influence.on_factor(after)
         widen(self.joint, at, variance, moved)

@@ -16,7 +16,7 @@ from blackboard.opinion.belief import Belief
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.cameras import by_mates, scaled
 from blackboard.opinion.gaussian.choosing import choose_evidence
-from blackboard.opinion.gaussian.comparing import compare, enter, multiply
+from blackboard.opinion.gaussian.comparing import compare, enter, multiply, take_compass
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict, end_of_tick
 from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_the_mean
@@ -142,6 +142,7 @@ class TeamJoint(TeamState):
             self.tally.choices = choose_evidence(self, news, motions, entered)
         for robot in sorted(set(motions) - entered):
             with self.blaming(robot):
+                take_compass(self, news[robot])
                 multiply(self, news[robot])
         apart = seen_by_one(self) if self.limits.sharpest else frozenset()
         # Only where the sightings of each robot are taken alone is it known what it moves.
@@ -174,6 +175,7 @@ class TeamJoint(TeamState):
             with self.blaming(robot):
                 increment = evidence.increment
                 if robot in known:
+                    self.limits.on_compass(robot, evidence.compass)
                     learned = self.innovations.variance((robot, "increment"))
                     increment = self.limits.increment(robot, increment, learned, evidence.belief)
                 relatives = tuple(

@@ -1,0 +1,120 @@
+"""A compass that may be askew: its readings are taken into a joint with the error that they have in common, once each."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
+from blackboard.opinion.gaussian.mounts import CompassReading, add_with_heading, compass_of, reading_factor
+from blackboard.opinion.gaussian.team import TeamJoint
+from blackboard.opinion.gaussian.vehicle import HEADING, STATES, Motion, Nuisance, entering
+from tests.opinion.gaussian.standing import says
+
+ROBOT = "robot/r1"
+SIGMA = 0.05
+
+
+def standing(heading: float = 0.0, variance: float = 0.04) -> Joint:
+    joint = Joint()
+    pose = Moments(np.array([0.0, 0.0, heading]), np.diag([0.1, 0.1, variance]))
+    joint.add(ROBOT, entering(pose, Nuisance()))
+    return joint
+
+
+def told(tick: int, heading: float, sigma: float = SIGMA) -> Evidence:
+    """A robot that stands at heading 0, knows it to .2 rad when it enters, and has a compass."""
+    evidence = says(ROBOT, tick)
+    if evidence.belief is not None:
+        evidence.belief.covariance[HEADING, HEADING] = 0.04
+    reading = CompassReading(heading, sigma, most=1.0)
+    return replace(evidence, travelled=Motion(dt=float(tick)), compass=reading, time=float(tick))
+
+
+def heading(team: TeamJoint) -> tuple[float, float]:
+    block = team.pose(ROBOT)
+    return float(block.mean[HEADING]), float(block.covariance[HEADING, HEADING])
+
+
+@given(
+    own=st.floats(1e-6, 1.0),
+    variance=st.floats(1e-6, 3.0),
+    tie=st.floats(-1e6, 1e6),
+)
+def test_an_error_that_the_heading_rests_on_leaves_the_robot_as_it_was(own: float, variance: float, tie: float) -> None:
+    joint, mount = standing(variance=variance), compass_of(ROBOT)
+    add_with_heading(joint, mount, Moments(np.zeros(1), np.array([[own]])), tie)
+    at, bias = joint.blocks[ROBOT].start + HEADING, joint.blocks[mount.block].start
+    assert joint.variances[at] == pytest.approx(variance)
+    assert joint.variances[bias] == pytest.approx(own)
+    assert joint.covariance[at, bias] ** 2 <= own * variance * (1 + 1e-9)
+    if tie**2 * own <= variance:
+        assert joint.regression(bias)[at] == pytest.approx(tie, abs=1e-9)
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=st.integers(0, 1000), off=st.sampled_from([-0.3, 0.25, 0.3]))
+def test_what_is_believed_once_it_is_found_is_what_a_filter_with_the_wide_prior_has(seed: int, off: float) -> None:
+    """The slow way is to begin anew with the wide prior, and to take all readings and all fixes of the heading again."""
+    joints = []
+    for small in (0.001, 0.2):
+        chance, joint, mount = np.random.default_rng(seed), standing(), compass_of(ROBOT, small)
+        for _ in range(40):
+            reading = CompassReading(off + chance.normal(0.0, SIGMA), SIGMA)
+            joint.update(reading_factor(joint, ROBOT, reading, mount))
+            seen = np.array([chance.normal(0.0, 0.1) - joint.moments(ROBOT).mean[HEADING]])
+            joint.update(Factor(seen, {ROBOT: np.eye(STATES)[[HEADING]]}, np.array([[0.01]])))
+        mount.on_noise(joint, 1.0, 1.0)
+        joints.append((joint, mount))
+    (found, mount), (slow, _) = joints
+    assert mount.judge(found)
+    assert found.mean == pytest.approx(slow.mean, abs=1e-6)
+    assert found.covariance == pytest.approx(slow.covariance, abs=1e-8)
+    assert mount.known(found).mean[0] == pytest.approx(off, abs=0.1)
+
+
+def test_a_board_takes_each_reading_once_and_none_of_the_tick_in_which_its_robot_enters() -> None:
+    team = TeamJoint()
+    team.settle(0, 1.0, [told(0, 0.1)])
+    assert heading(team) == pytest.approx((0.0, 0.04))
+    team.settle(1, 1.0, [told(1, 0.1)])
+    once = heading(team)
+    assert once[0] > 0.05
+    assert once[1] < 0.04
+    team.settle(1, 1.0, [told(1, 0.1)])
+    assert heading(team) == once
+
+
+def test_readings_that_err_alike_tell_a_heading_no_better_than_their_common_error() -> None:
+    """As increments, a hundred of them said it to .005 rad."""
+    team = TeamJoint()
+    for tick in range(100):
+        team.settle(tick, 0.1, [told(tick, 0.0)])
+    assert math.sqrt(heading(team)[1]) >= 0.8 * SIGMA
+
+
+def test_a_reading_far_from_what_is_believed_is_left_out_and_named_and_a_robot_that_was_turned_is_found_again() -> None:
+    team = TeamJoint()
+    for tick in range(20):
+        team.settle(tick, 1.0, [told(tick, 0.0)])
+    before = heading(team)
+    (verdict,) = [verdict for verdict in team.settle(20, 1.0, [told(20, 2.0)]) if verdict.kind == "compass"]
+    assert not verdict.taken
+    assert heading(team) == before
+    for tick in range(21, 60):
+        team.settle(tick, 1.0, [told(tick, 2.0)])
+    assert heading(team)[0] == pytest.approx(2.0, abs=0.3)
+
+
+@pytest.mark.parametrize("sigma", [1e-6, 1e3])
+@pytest.mark.parametrize("read", [0.0, 1e3])
+def test_no_reading_ends_a_joint(sigma: float, read: float) -> None:
+    team = TeamJoint()
+    for tick in range(10):
+        team.settle(tick, 1.0, [told(tick, read, sigma)])
+    assert np.isfinite(team.pose(ROBOT).mean).all()
+    assert (np.linalg.eigvalsh(team.joint.covariance) > -1e-9).all()
