@@ -14,7 +14,7 @@ from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.mounts import Mount, add_with_heading, compass_of, reading_factor
+from blackboard.opinion.gaussian.mounts import USUAL, Mount, add_with_heading, compass_of, reading_factor
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
@@ -134,8 +134,7 @@ def take_compass(team: TeamState, evidence: Evidence) -> None:
     if reading is None:
         return
     mount = _compass(team, evidence)
-    if mount.on_noise(team.joint, reading.noise**2, reading.most**2):
-        team.north.forget(team.joint)
+    mount.on_noise(team.joint, reading.noise**2, reading.most**2)
     factor = reading_factor(team.joint, robot, reading, mount, team.north)
     team.joint.begin(factor.priors)
     expected, told = team.joint.expected(factor), np.zeros(HEADING + 1)
@@ -149,11 +148,11 @@ def take_compass(team: TeamState, evidence: Evidence) -> None:
 
 
 def _compass(team: TeamState, evidence: Evidence) -> Mount:
-    """The mounting error of the compass with which a robot has told a reading; at first it is as large as the robot says."""
+    """The mounting error of the compass of a robot that tells a reading. At first no claim makes it smaller than is usual."""
     robot, reading = evidence.robot, evidence.compass
     assert reading is not None
     if robot not in team.compasses:
-        team.compasses[robot] = compass_of(robot, max(reading.sigma, reading.bias_sigma), reading.bias)
+        team.compasses[robot] = compass_of(robot, max(USUAL, reading.sigma, reading.bias_sigma), reading.bias)
     return team.compasses[robot]
 
 

@@ -23,9 +23,8 @@ from blackboard.opinion.gaussian.vehicle import HEADING, STATES, wrap
 from blackboard.opinion.grid import Array
 
 #: Radians: sigmas of a compass's mounting error by the wide prior, and by the first one of its own robot, which believes it until that
-#: is contradicted. A joint expects the error to be as large as the noise that the compass claims, because mates without fixes cannot
-#: contradict theirs, and that all compasses of a team err by NORTH in common.
-WIDE, SMALL, NORTH = 0.2, 0.001, 0.05
+#: is contradicted. A joint expects USUAL at least, because mates without fixes cannot contradict theirs, and as much in common of all.
+WIDE, SMALL, USUAL = 0.2, 0.001, 0.05
 MORE = 1.5  # The evidence is dropped where the variance of the noise is found to be larger by this factor.
 
 
@@ -34,7 +33,7 @@ class CompassReading:
     """A heading (rad) with the sigma (rad) that the compass claims, and what its robot has found of it.
 
     `noise` is the factor of that sigma that counts, `most` the largest that it may be; infinite while it is not known. The compass
-    reads too much by `bias`, with its sigma (rad).
+    reads too much by `bias`, with its sigma (rad). The heading that the robot believes is larger by `tie` times that.
     """
 
     heading: float
@@ -43,9 +42,7 @@ class CompassReading:
     most: float = math.inf
     bias: float = 0.0
     bias_sigma: float = 0.0
-    tie: float = (
-        0.0  # by how much the robot believes to point more to the left for each radian that the compass reads too much
-    )
+    tie: float = 0.0
 
     @property
     def variance(self) -> float:
@@ -108,24 +105,14 @@ class Mount(Copyable):
         """How many times the variance may be, with which evidence was counted."""
         return self._most / self._noise
 
-    def on_noise(self, joint: Joint, variance: float, most: float) -> bool:
-        """Take the estimate of the noise, and what it is `most`; both are factors of the variance that the sensor claims.
-
-        Whether the evidence was dropped.
-        """
+    def on_noise(self, joint: Joint, variance: float, most: float) -> None:
+        """Take the estimate of the noise, and what it is `most`; both are factors of the variance that the sensor claims."""
         self._most = max(variance, most)
-        is_larger = variance > MORE * self._noise
-        if is_larger:
-            self._noise = variance
-            self.forget(joint)
+        if variance > MORE * self._noise:
+            self._noise, self.found = variance, frozenset()
+            if self.block in joint:
+                joint.drop(self.block)
         self._noise = max(1.0, min(self._noise, variance))
-        return is_larger
-
-    def forget(self, joint: Joint) -> None:
-        """Drop the evidence."""
-        self.found = frozenset()
-        if self.block in joint:
-            joint.drop(self.block)
 
     def contradicted(self, joint: Joint, doubt: float) -> Contradiction | None:
         """The error that contradicts its prior most; None: none does if the variance of the noise is `doubt` times as large."""
@@ -163,7 +150,7 @@ def compass_of(robot: str, small: float = SMALL, first: float = 0.0) -> Mount:
 
 def north_of() -> Mount:
     """What all compasses of a team read too much: by how much their north is another one than the map's."""
-    return Mount("team", ("north",), NORTH, WIDE)
+    return Mount("team", ("north",), USUAL, WIDE)
 
 
 def surely(mean: float, sigma: float) -> float:

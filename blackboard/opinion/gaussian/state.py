@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Self
 
 import numpy as np
@@ -356,7 +357,7 @@ class TeamState(Copyable):
         """Replace the prior of the error of a compass, or of what all compasses have in common: of that which is contradicted most."""
         robots = [robot for robot in sorted(self.compasses) if self.knows(robot) and robot not in self.distrust]
         mounts = [(robot, self.compasses[robot]) for robot in robots]
-        doubt = max((mount.doubt for _, mount in mounts), default=1.0)
+        doubt = median([mount.doubt for _, mount in mounts] or [1.0])  # nobody's noise alone keeps it from being found
         told = [(mount.contradicted(self.joint, mount.doubt), robot, mount) for robot, mount in mounts]
         told += [(self.north.contradicted(self.joint, doubt), robot, self.north) for robot in robots[:1]]
         contradicted = [(worst, robot, mount) for worst, robot, mount in told if worst is not None]

@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.mounts import CompassReading, add_with_heading, compass_of, reading_factor
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import HEADING, STATES, Motion, Nuisance, entering
-from tests.opinion.gaussian.standing import says
+from tests.opinion.gaussian.standing import LIAR, says
 
 ROBOT = "robot/r1"
 SIGMA = 0.05
@@ -118,3 +119,32 @@ def test_no_reading_ends_a_joint(sigma: float, read: float) -> None:
         team.settle(tick, 1.0, [told(tick, read, sigma)])
     assert np.isfinite(team.pose(ROBOT).mean).all()
     assert (np.linalg.eigvalsh(team.joint.covariance) > -1e-9).all()
+
+
+@pytest.mark.parametrize("off", [-0.3, 0.2, 1.0])
+@pytest.mark.parametrize("noise", [1.0, 2000.0])
+def test_one_robot_that_lies_about_its_compass_turns_no_mate_farther_than_an_honest_one_may_err(
+    off: float, noise: float
+) -> None:
+    """It claims to know its heading and to have an exact compass, as if all compasses read too much."""
+    team, honest = TeamJoint(), ["robot/r0", "robot/r1", "robot/r3"]
+    information = np.zeros((STATES, STATES))
+    for tick in range(60):
+        news = []
+        for robot in (*honest, LIAR):
+            is_liar, chance = robot == LIAR, np.random.default_rng([tick, int(robot[-1])])
+            information[HEADING, HEADING] = 1e9 if is_liar else 1 / 0.1**2
+            own = says(robot, tick)
+            vector = information[:, HEADING] * (0.0 if is_liar else chance.normal(0.0, 0.1))
+            gained = own.increment and Increment(
+                own.increment.reference, own.increment.information + information, vector
+            )
+            sigma = 1e-6 if is_liar else SIGMA
+            read = off if is_liar else chance.normal(0.0, SIGMA)
+            factor = noise if is_liar and tick % 2 else 1.0
+            reading = CompassReading(read, sigma, factor, most=2000.0 if is_liar else 1.0)
+            motion = Motion(dt=float(tick), moving=float(tick), heading=1e-3 * tick)
+            news.append(replace(own, increment=gained, travelled=motion, compass=reading, time=float(tick)))
+        team.settle(tick, 1.0, news)
+    for robot in honest:
+        assert abs(team.pose(robot).mean[HEADING]) <= 0.05
