@@ -45,7 +45,7 @@ class Sent:
 class GainsAddUp(Oracle):
     """What a robot knew when it last sent what it had gained, moved on, times what it sends now, is what it knows now of its place.
 
-    So on a poor link nothing that was gained is lost, and nothing counts twice.
+    So on a poor link nothing that was gained is lost, and nothing counts twice. Not asked of who tells its compass beside that.
     """
 
     sees = (Began, Said)
@@ -63,7 +63,12 @@ class GainsAddUp(Oracle):
         elif isinstance(event, Said) and isinstance(report := event.message, Report) and event.process in self._robots:
             agent = self._robots[event.process].agent
             packed = report.evidence
-            if packed is None or packed.increment is None or not isinstance(agent, JointAgent):
+            if (
+                packed is None
+                or packed.increment is None
+                or packed.compass is not None
+                or not isinstance(agent, JointAgent)
+            ):
                 return
             evidence = unpack(report.source, report.tick, report.time, packed)
             now, before = Sent.of(evidence, agent.filter), self._sent.get(event.process)
