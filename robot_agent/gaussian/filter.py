@@ -304,9 +304,8 @@ class FirstHand:
         entered = entering(Moments(block.mean[POSE], block.covariance[POSE, POSE]), nuisance)
         worst = contradicted(block, entered, nuisance, (FORWARD, TURN, *self.widened))
         if worst is not None:
-            state, mean, variance = worst
-            replace_prior(self.joint, self.joint.blocks[self.robot].start + state, mean, variance)
-            self.widened = (*self.widened, state)
+            replace_prior(self.joint, self.joint.blocks[self.robot].start + worst.state, worst.mean, worst.variance)
+            self.widened = (*self.widened, worst.state)
         has_odometry = not self.untold.is_all and self.robot not in self.distrust
         is_elsewhere = has_odometry and self.absolute.antenna.judge(self.joint)
         if is_elsewhere:  # A board keeps what it was told by the wrong model until a new epoch begins.

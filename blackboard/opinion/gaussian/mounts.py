@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.copying import Copyable
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
-from blackboard.opinion.gaussian.priors import by_wide_prior, replace_prior
+from blackboard.opinion.gaussian.priors import Contradiction, most_contradicted, replace_prior
 from blackboard.opinion.gaussian.vehicle import HEADING, STATES, wrap
 from blackboard.opinion.grid import Array
 
@@ -48,16 +47,6 @@ class CompassReading:
     def variance(self) -> float:
         """Of the noise that counts, radians^2."""
         return (self.sigma * self.noise) ** 2
-
-
-@dataclass(frozen=True)
-class Contradiction:
-    """Measurements contradict the prior of an error `beyond` times as much as they may; its mean and variance by the wide prior."""
-
-    beyond: float
-    part: int
-    mean: float
-    variance: float
 
 
 @dataclass
@@ -118,22 +107,22 @@ class Mount(Copyable):
         """The error that contradicts its prior most; None: none does if the variance of the noise is `doubt` times as large."""
         if self.block not in joint:
             return None
-        known, limit = joint.moments(self.block), quantile(GATE, 1) * doubt
-        worst: Contradiction | None = None
-        for part in sorted(set(range(len(self.parts))) - self.found):
-            now = float(known.mean[part]), float(known.covariance[part, part])
-            beyond, mean, variance = by_wide_prior((self.first, self.small**2), now, (0.0, self.wide))
-            if beyond > limit and (worst is None or beyond / limit > worst.beyond):
-                worst = Contradiction(beyond / limit, part, mean, variance)
-        return worst
+        known, prior, wide = joint.moments(self.block), (self.first, self.small**2), (0.0, self.wide)
+        return most_contradicted(
+            [
+                (part, prior, (float(known.mean[part]), float(known.covariance[part, part])), wide)
+                for part in sorted(set(range(len(self.parts))) - self.found)
+            ],
+            doubt,
+        )
 
     def judge(self, joint: Joint) -> bool:
         """Give the error whose prior is contradicted most the wide prior. False: none is."""
         worst = self.contradicted(joint, self.doubt)
         if worst is None:
             return False
-        replace_prior(joint, joint.blocks[self.block].start + worst.part, worst.mean, worst.variance)
-        self.found |= {worst.part}
+        replace_prior(joint, joint.blocks[self.block].start + worst.state, worst.mean, worst.variance)
+        self.found |= {worst.state}
         return True
 
     def prior(self) -> Moments:

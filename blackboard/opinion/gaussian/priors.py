@@ -10,7 +10,8 @@ degrees; a focal length from a data sheet, 20 %.
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from typing import NamedTuple
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.joint import Joint, Moments
@@ -31,22 +32,42 @@ FOUND = {
 COMPASS_FOUND = "compass bias found (rad)"
 
 
+class Contradiction(NamedTuple):
+    """A lasting error whose prior is contradicted, with the mean and variance that it has by the wide prior."""
+
+    state: int
+    mean: float
+    variance: float
+    beyond: float  # times the squared distance at which it is contradicted
+
+
+#: Of a lasting error: its state; mean and variance by its prior and of what is believed; mean and sigma of the wide prior.
+Judged = tuple[int, tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
 def contradicted(
     block: Moments, entered: Moments, nuisance: Nuisance, but: Collection[int] = ()
-) -> tuple[int, float, float] | None:
-    """Which lasting error of a robot contradicts its prior, with the mean and variance that it has by the wide prior; None: none.
+) -> Contradiction | None:
+    """The lasting error of a robot that contradicts its prior by most sigmas; None: none does.
 
-    `block` is what is believed of the robot now, shape (12,) and (12, 12), `entered` the same when it entered. Of several the one is
-    taken that is beyond its prior by most sigmas; those of `but` are not looked at.
+    `block` is what is believed of the robot now, shape (12,) and (12, 12), `entered` the same when it entered; the states of `but` are
+    not looked at.
     """
-    farthest, worst = quantile(GATE, 1), None
+    judged = list[Judged]()
     for state, wide in WIDE.items():
         before, now = ((float(m.mean[state]), float(m.covariance[state, state])) for m in (entered, block))
-        if state in but or not before[1] < wide**2:
-            continue
-        beyond, mean, variance = by_wide_prior(before, now, (_usual(nuisance, state), wide))
-        if beyond > farthest:
-            worst, farthest = (state, mean, variance), beyond
+        if state not in but and before[1] < wide**2:
+            judged.append((state, before, now, (_usual(nuisance, state), wide)))
+    return most_contradicted(judged)
+
+
+def most_contradicted(judged: Iterable[Judged], doubt: float = 1.0) -> Contradiction | None:
+    """Of lasting errors the one that contradicts its prior by most sigmas; None: none does if all noise is so many times as large."""
+    worst, limit = None, quantile(GATE, 1) * doubt
+    for state, before, now, wide in judged:
+        squared, mean, variance = by_wide_prior(before, now, wide)
+        if squared > limit and (worst is None or squared / limit > worst.beyond):
+            worst = Contradiction(state, mean, variance, squared / limit)
     return worst
 
 

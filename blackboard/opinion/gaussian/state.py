@@ -27,7 +27,15 @@ from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.mounts import Mount, north_of
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
-from blackboard.opinion.gaussian.priors import COMPASS_FOUND, FOUND, WIDE, contradicted, spread_of_means, widen
+from blackboard.opinion.gaussian.priors import (
+    COMPASS_FOUND,
+    FOUND,
+    WIDE,
+    Contradiction,
+    contradicted,
+    spread_of_means,
+    widen,
+)
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
 from blackboard.opinion.gaussian.speeds import Speeds
@@ -349,9 +357,9 @@ class TeamState(Copyable):
             block, done = self.joint.moments(robot), self.widened.get(robot, ())
             worst = contradicted(block, self.entered.setdefault(robot, block), self.known[robot].nuisance, done)
             if worst is not None:
-                self.widened[robot] = (*done, worst[0])
+                self.widened[robot] = (*done, worst.state)
                 with self.blaming(robot):
-                    self._widen_prior(robot, self.joint.blocks[robot].start + worst[0], *worst[1:], WIDE[worst[0]])
+                    self._widen_prior(robot, self.joint.blocks[robot], worst, WIDE[worst.state])
 
     def _widen_compass(self) -> None:
         """Replace the prior of the error of a compass, or of what all compasses have in common: of that which is contradicted most."""
@@ -363,9 +371,9 @@ class TeamState(Copyable):
         contradicted = [(worst, robot, mount) for worst, robot, mount in told if worst is not None]
         if contradicted:
             worst, robot, mount = max(contradicted, key=lambda one: one[0].beyond)
-            mount.found |= {worst.part}
+            mount.found |= {worst.state}
             with self.blaming(robot):
-                self._widen_prior(robot, self.joint.blocks[mount.block].start, worst.mean, worst.variance, mount.wide)
+                self._widen_prior(robot, self.joint.blocks[mount.block], worst, mount.wide)
 
     def found(self, robot: str) -> dict[str, float]:
         """The estimates of those sensor errors of a robot whose prior was contradicted, by name (`priors.FOUND`)."""
@@ -376,16 +384,16 @@ class TeamState(Copyable):
             found[COMPASS_FOUND] = float(mount.known(self.joint).mean[0] + self.north.known(self.joint).mean[0])
         return found
 
-    def _widen_prior(self, robot: str, at: int, mean: float, variance: float, wide: float) -> None:
-        """A lasting error of a robot, by its index, gets another mean and variance; all else follows by regression.
+    def _widen_prior(self, robot: str, block: slice, error: Contradiction, wide: float) -> None:
+        """A lasting error of a robot, in this block, gets the mean and variance of the wide prior; all else follows by regression.
 
         Where mates would move farther than an honest robot may move them (`influence`), only the robot itself moves.
         """
-        own = self.joint.blocks[robot]
+        own, at = self.joint.blocks[robot], block.start + error.state
         coefficients = self.joint.regression(at)
-        moved = coefficients * (mean - self.joint.mean[at])
+        moved = coefficients * (error.mean - self.joint.mean[at])
         if self.influence.is_counted(len(self.known)):
-            sigmas = coefficients * spread_of_means(self.joint.variances[at], variance, wide)
+            sigmas = coefficients * spread_of_means(self.joint.variances[at], error.variance, wide)
             after = self.influence.after_shift(self.joint, robot, moved, sigmas)
             if self.influence.beyond(self.joint, after):
                 self.tally.bounded += 1
@@ -393,7 +401,7 @@ class TeamState(Copyable):
                 alone[own], alone[at] = moved[own], moved[at]
                 moved, after = alone, self.influence.after_shift(self.joint, robot, alone, np.zeros_like(alone))
             self.influence.on_factor(after)
-        widen(self.joint, at, variance, moved)
+        widen(self.joint, at, error.variance, moved)
 
     def as_found(self, relative: Relative) -> Relative:
         """A sighting with the noise that its observer's have shown to have.
