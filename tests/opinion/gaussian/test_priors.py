@@ -140,7 +140,7 @@ def test_boards_find_how_far_a_camera_is_mounted_askew_and_say_so(askew: float) 
         told = []
         for robot, place in PLACES.items():
             seen = []
-            for mate in PLACES.keys() - {robot}:
+            for mate in sorted(PLACES.keys() - {robot}):
                 dx, dy = PLACES[mate] - place
                 bearing = np.arctan2(dy, dx) + rng.normal(0.0, 0.03) + askew * (robot == LIAR)
                 seen.append(Relative(robot, mate, np.hypot(dx, dy) + rng.normal(0.0, 0.1), bearing, 0.01, 0.03**2))
