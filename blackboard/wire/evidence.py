@@ -199,15 +199,15 @@ class PackedCompass(Part):
     sigma: Annotated[float, Field(ge=LEAST, le=LARGEST)]
     """of its fresh error, as the compass claims, radians"""
     noise: Annotated[float, Field(ge=1.0, le=MOST_NOISE)] = 1.0
-    """the factor of this sigma that was found, at least 1"""
+    """by which factor the noise was found to be larger than `sigma`"""
     most: Annotated[float, Field(ge=1.0, le=MOST_NOISE)] | None = None
-    """the largest that it may be, to one sigma; none: not known yet"""
+    """the largest value that `noise` may have, one sigma above the estimate; none: not known yet"""
     bias: Finite = 0.0
     """by how much it was found to read too much, radians"""
     bias_sigma: Annotated[float, Field(ge=0.0, le=LARGEST)] = 0.0
-    """of that, radians"""
+    """sigma of that, radians"""
     tie: Annotated[float, Field(ge=-LARGEST, le=LARGEST)] = 0.0
-    """of the first-hand belief: by how much its heading grows with that, -1 where it is known by the compass alone"""
+    """regression coefficient of the heading in `state` on that error; -1 where the heading rests on the compass alone"""
 
 
 class PackedRelative(Part):

@@ -75,7 +75,7 @@ def pack_evidence(evidence: Evidence) -> PackedEvidence:
 def _packed_compass(reading: CompassReading) -> PackedCompass:
     return PackedCompass(
         heading=reading.heading,
-        sigma=min(max(reading.sigma, LEAST), LARGEST),
+        sigma=max(reading.sigma, LEAST),
         noise=reading.noise,
         most=None if math.isinf(reading.most) else max(1.0, reading.most),
         bias=reading.bias,

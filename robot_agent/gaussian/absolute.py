@@ -28,7 +28,7 @@ from blackboard.opinion.gaussian.mounts import (
     surely,
 )
 from blackboard.opinion.gaussian.relation import bias_block
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, Nuisance, correct, drive
+from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, Nuisance, correct, drive, wrap
 from blackboard.wire.messages import Fix, Readings
 from robot_agent.gaussian.drifting import Drifting
 from robot_agent.gaussian.factors import NoiseFactor, NoiseFactors
@@ -177,8 +177,12 @@ class AbsoluteSensors:
         return fix is not None and not self.doubtful
 
     def reading(self, joint: Joint, readings: Readings, compass: float) -> CompassReading | None:
-        """What a compass that may be askew reads (its sigma by the model, radians), with what is known of it; None: there is none."""
-        if readings.compass is None or not self._is_open:
+        """What a compass that may be askew reads, within a turn, with what is known of it; `compass` is its sigma by the model (rad).
+
+        None: there is no reading, or it says nothing.
+        """
+        sigma = readings.compass_sigma or compass
+        if readings.compass is None or not self._is_open or sigma > math.pi:
             return None
         log = self.headings.setdefault("compass", NoiseFactor()).log
         noise, most = (math.sqrt(max(1.0, factor)) for factor in (surely(*log), at_most(*log)))
@@ -186,7 +190,7 @@ class AbsoluteSensors:
         if self.compass.block in joint:
             of_heading = joint.regression(joint.blocks[self.compass.block].start)
             tie = float(of_heading[joint.blocks[self.robot]][HEADING])
-        return CompassReading(readings.compass, readings.compass_sigma or compass, noise, most, *bias, tie)
+        return CompassReading(wrap(readings.compass), sigma, noise, most, *bias, tie)
 
     def on_compass(self, joint: Joint, reading: CompassReading, time: float, others: Collection[Joint] = ()) -> None:
         """Correct the robot by a compass that may be askew, at a team time (s); `others` know nothing of its error."""

@@ -308,7 +308,8 @@ class FirstHand:
             self.widened = (*self.widened, worst.state)
         has_odometry = not self.untold.is_all and self.robot not in self.distrust
         is_elsewhere = has_odometry and self.absolute.antenna.judge(self.joint)
-        if is_elsewhere:  # A board keeps what it was told by the wrong model until a new epoch begins.
+        # Boards cannot correct the increments that were worked out with the wrong lever arm, so they begin anew with this robot.
+        if is_elsewhere:
             self._begin_epoch(time)
         is_askew = has_odometry and self.absolute.compass.judge(self.joint)
         if worst is not None or is_elsewhere or is_askew:

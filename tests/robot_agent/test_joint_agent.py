@@ -19,6 +19,7 @@ from blackboard.wire.messages import Odometry, Readings, Report, Sighting
 from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection, settings_of
 from robot_agent.gaussian.agent import JointAgent
+from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import Sensors
 from tests.present import present
 from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, sight_of
@@ -142,6 +143,15 @@ def test_without_network_a_compass_that_is_askew_tells_how_far_it_turned_and_not
     sent = present(by_subject(agent.tick(said, {})[0])["robot/r1"].evidence)
     assert present(sent.compass).heading == pytest.approx(0.3)
     assert sent.increment is None
+
+
+def test_a_compass_that_counts_its_turns_is_told_within_one_and_one_that_says_nothing_is_not_told() -> None:
+    """Boards refuse angles above 1000 rad, and with them would refuse all evidence of a robot that has turned 160 times."""
+    robot = FirstHand("robot/r1", Sensors())
+    robot.step(readings(0, fix=(10, 10)))
+    assert present(robot.step(readings(1, compass=0.3 + 1000 * math.tau)).compass).heading == pytest.approx(0.3)
+    vague = readings(2).model_copy(update={"compass_sigma": 1e4})
+    assert robot.step(vague).compass is None
 
 
 def returned(agent: JointAgent, tick: int, team: dict[str, TeamBelief] | None = None) -> PackedState | None:

@@ -144,11 +144,11 @@ def take_compass(team: TeamState, evidence: Evidence) -> None:
     if taken:
         correct(team.joint, factor, team.bounded(robot, factor, team.moved_by(robot), expected), expected)
     told[HEADING] = 1.0
-    _note(team, robot, told, taken=taken)
+    _count_left_out(team, robot, told, taken=taken)
 
 
 def _compass(team: TeamState, evidence: Evidence) -> Mount:
-    """The mounting error of the compass of a robot that tells a reading. At first no claim makes it smaller than is usual."""
+    """The mounting error of a robot's compass in the joint. Its first prior is at least `USUAL`, whatever the robot claims."""
     robot, reading = evidence.robot, evidence.compass
     assert reading is not None
     if robot not in team.compasses:
@@ -173,11 +173,14 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
         if not team.contacts.is_reckoned(robot):
             fit = TakenIncrement(expected.innovation(factor), factor.jacobians[robot][:, AXES])
             team.strayed.confirm_itself(robot, fit)
-    _note(team, robot, told, taken=taken)
+    _count_left_out(team, robot, told, taken=taken)
 
 
-def _note(team: TeamState, robot: str, told: Array, *, taken: bool) -> None:
-    """Count what was left out of what a robot tells of x, y and its heading, by shares, shape (3,). After some its pose is widened."""
+def _count_left_out(team: TeamState, robot: str, told: Array, *, taken: bool) -> None:
+    """Count increments and compass readings in a row that were left out, separately for x, y and heading.
+
+    `told`, shape (3,), is how much this one says about each, as a share. After `PATIENCE` the robot's pose is widened.
+    """
     left_out = team.known[robot].left_out
     left_out = left_out * (1.0 - told) if taken else left_out + told
     if left_out.max() >= PATIENCE:

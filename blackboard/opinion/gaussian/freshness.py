@@ -56,7 +56,7 @@ class Freshness(Copyable):
         self._held = {observer: held - dt for observer, held in self._held.items() if held > dt}
 
     def on_sighting(self, sighting: Relative, factor: Factor) -> None:
-        """Take a sighting against what the joint expects. Lasting errors of its range account for that, not for its bearing."""
+        """Compare a sighting with what the joint expects. If it declares lasting errors of its range, only its bearing is judged."""
         residual, noise = factor.residual[AXES], factor.noise[AXES, AXES]
         observer, kind, is_plane = sighting.observer, str(sighting.kind), sighting.places
         if sum(bias.sigma**2 for bias in sighting.biases) > DECLARED * np.trace(noise):

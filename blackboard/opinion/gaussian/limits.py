@@ -72,7 +72,10 @@ class Limits(Copyable):
         return belief
 
     def _known(self, robot: str) -> float:
-        """The least variance (unit^2) of its place that a robot had that begins again, or that two of its mates have; 0: it is new."""
+        """The least variance (unit^2) of its place with which a robot may enter again; 0 where it enters first, or has one mate.
+
+        It is the one that it had before, or that of its second sharpest mate, whichever is smaller.
+        """
         least = {name: _sharpest(own, name) for name, own in self._alone.items()}
         before = least.pop(robot, 0.0)
         return min(before, sorted(least.values())[1]) if len(least) > 1 else 0.0
@@ -83,7 +86,7 @@ class Limits(Copyable):
             drive(self._alone[robot], robot, motion, nuisance)
 
     def on_compass(self, robot: str, reading: CompassReading | None) -> None:
-        """A robot's heading by its compass, as if that had no error that lasts."""
+        """Take a compass reading into what the robot alone says of itself, as if it had no lasting error: so that is bounded more."""
         if reading is not None and robot in self._alone:
             alone = self._alone[robot]
             correct(alone, heading_factor(alone, robot, reading.heading - reading.bias, math.sqrt(reading.variance)))

@@ -21,8 +21,8 @@ from blackboard.opinion.gaussian.priors import Contradiction, most_contradicted,
 from blackboard.opinion.gaussian.vehicle import HEADING, STATES, wrap
 from blackboard.opinion.grid import Array
 
-#: Radians: sigmas of a compass's mounting error by the wide prior, and by the first one of its own robot, which believes it until that
-#: is contradicted. A joint expects USUAL at least, because mates without fixes cannot contradict theirs, and as much in common of all.
+#: Sigmas of a compass's error, radians: by the wide prior; by the first prior in its robot's filter; by the first prior in a joint.
+#: A joint expects more, because a robot without fixes has nothing that could contradict its compass.
 WIDE, SMALL, USUAL = 0.2, 0.001, 0.05
 MORE = 1.5  # The evidence is dropped where the variance of the noise is found to be larger by this factor.
 
@@ -32,7 +32,8 @@ class CompassReading:
     """A heading (rad) with the sigma (rad) that the compass claims, and what its robot has found of it.
 
     `noise` is the factor of that sigma that counts, `most` the largest that it may be; infinite while it is not known. The compass
-    reads too much by `bias`, with its sigma (rad). The heading that the robot believes is larger by `tie` times that.
+    reads too much by `bias`, with its sigma (rad). `tie` is the regression
+    coefficient of the heading that its robot believes on that error: -1 where the heading rests on the compass alone.
     """
 
     heading: float
@@ -91,7 +92,7 @@ class Mount(Copyable):
 
     @property
     def doubt(self) -> float:
-        """How many times the variance may be, with which evidence was counted."""
+        """The largest variance that the noise may have, over the least with which evidence was counted."""
         return self._most / self._noise
 
     def on_noise(self, joint: Joint, variance: float, most: float) -> None:
@@ -104,7 +105,7 @@ class Mount(Copyable):
         self._noise = max(1.0, min(self._noise, variance))
 
     def contradicted(self, joint: Joint, doubt: float) -> Contradiction | None:
-        """The error that contradicts its prior most; None: none does if the variance of the noise is `doubt` times as large."""
+        """The error whose prior is contradicted most. The limit is larger by `doubt`; None: no error is beyond it."""
         if self.block not in joint:
             return None
         known, prior, wide = joint.moments(self.block), (self.first, self.small**2), (0.0, self.wide)
@@ -138,7 +139,7 @@ def compass_of(robot: str, small: float = SMALL, first: float = 0.0) -> Mount:
 
 
 def north_of() -> Mount:
-    """What all compasses of a team read too much: by how much their north is another one than the map's."""
+    """The common error of all compasses of a team: the angle between their north and the map's, as the declination."""
     return Mount("team", ("north",), USUAL, WIDE)
 
 
@@ -164,7 +165,7 @@ def heading_factor(joint: Joint, robot: Block, heading: float, sigma: float) -> 
 
 
 def reading_factor(joint: Joint, robot: str, reading: CompassReading, *errors: Mount) -> Factor:
-    """A reading of a compass as a measurement of its robot's block and of errors that add up."""
+    """A reading of a compass as a measurement of its robot's heading plus the errors given."""
     factor = heading_factor(joint, robot, reading.heading, reading.sigma * reading.noise)
     for error in errors:
         factor = error.with_errors(factor, np.eye(1), error.known(joint))
@@ -172,7 +173,7 @@ def reading_factor(joint: Joint, robot: str, reading: CompassReading, *errors: M
 
 
 def add_with_heading(joint: Joint, mount: Mount, prior: Moments, tie: float) -> None:
-    """Add the error of a compass to a joint whose robot knows its heading by that compass, as `CompassReading.tie` says."""
+    """Add the error of a compass to a joint, correlated with the heading of its robot: `tie` as in `CompassReading`."""
     variance = float(joint.variances[joint.blocks[mount.robot].start + HEADING])
     own, rows = float(prior.covariance[0, 0]), np.zeros((1, STATES))
     tied = max(-math.sqrt(own * variance), min(tie * own, math.sqrt(own * variance)))

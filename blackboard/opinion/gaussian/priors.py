@@ -38,7 +38,7 @@ class Contradiction(NamedTuple):
     state: int
     mean: float
     variance: float
-    beyond: float  # times the squared distance at which it is contradicted
+    beyond: float  # its squared distance from the prior, over the limit
 
 
 #: Of a lasting error: its state; mean and variance by its prior and of what is believed; mean and sigma of the wide prior.
@@ -62,7 +62,7 @@ def contradicted(
 
 
 def most_contradicted(judged: Iterable[Judged], doubt: float = 1.0) -> Contradiction | None:
-    """Of lasting errors the one that contradicts its prior by most sigmas; None: none does if all noise is so many times as large."""
+    """The lasting error that is farthest from its prior. The limit is larger by `doubt`; None: no error is beyond it."""
     worst, limit = None, quantile(GATE, 1) * doubt
     for state, before, now, wide in judged:
         squared, mean, variance = by_wide_prior(before, now, wide)

@@ -129,7 +129,7 @@ class TeamState(Copyable):
     #: Robot -> states of its block whose prior was contradicted and replaced by a wide one (`priors`).
     widened: dict[str, tuple[int, ...]] = field(default_factory=dict)
     entered: dict[str, Moments] = field(default_factory=dict)  # robot -> its block when it entered
-    north: Mount = field(default_factory=north_of)  # what all compasses read too much
+    north: Mount = field(default_factory=north_of)  # the common error of all compasses
     compasses: dict[str, Mount] = field(default_factory=dict)  # of robots that tell readings: how they are mounted
     known: dict[str, Known] = field(default_factory=dict)
     first_entry: float | None = None  # `elapsed` when the first robot entered
@@ -334,7 +334,7 @@ class TeamState(Copyable):
         after = self.influence.after(self.joint, robot, factor, expected) if only is None else None
         if after is not None and (beyond := self.influence.beyond(self.joint, after)):
             self.tally.bounded += 1
-            # Of two that have moved each other too far nobody can tell which one led the other: neither moves.
+            # Where both ends have moved each other too far, it is not known which one led the other. Then neither is moved.
             only = self._of({source for source, _ in beyond} - {place for _, place in beyond}) or []
             for source, place in sorted(beyond):
                 if self.is_alone(source, place):
@@ -362,10 +362,11 @@ class TeamState(Copyable):
                     self._widen_prior(robot, self.joint.blocks[robot], worst, WIDE[worst.state])
 
     def _widen_compass(self) -> None:
-        """Replace the prior of the error of a compass, or of what all compasses have in common: of that which is contradicted most."""
+        """Give a wide prior to the error of one compass, or to the common error of all, whichever measurements contradict most."""
         robots = [robot for robot in sorted(self.compasses) if self.knows(robot) and robot not in self.distrust]
         mounts = [(robot, self.compasses[robot]) for robot in robots]
-        doubt = median([mount.doubt for _, mount in mounts] or [1.0])  # nobody's noise alone keeps it from being found
+        # The median, so that one robot whose noise is unknown, or that says so, cannot prevent the test of the common error.
+        doubt = median([mount.doubt for _, mount in mounts] or [1.0])
         told = [(mount.contradicted(self.joint, mount.doubt), robot, mount) for robot, mount in mounts]
         told += [(self.north.contradicted(self.joint, doubt), robot, self.north) for robot in robots[:1]]
         contradicted = [(worst, robot, mount) for worst, robot, mount in told if worst is not None]
