@@ -99,6 +99,7 @@ def enter(team: TeamState, evidence: Evidence) -> bool:
         _add(team, evidence, own)
     else:
         team.joint.add(robot, returned)
+        team.entered[robot] = returned
     return True
 
 
@@ -108,6 +109,7 @@ def _add(team: TeamState, evidence: Evidence, belief: Moments) -> None:
     like = [other for other in sorted(team.known) if other in team.joint and team.known[other].nuisance == nuisance]
     with team.blaming(evidence.robot):
         add_alike(team.joint, evidence.robot, belief, nuisance, like if nuisance.alike else [])
+        team.entered[evidence.robot] = team.joint.moments(evidence.robot)
         if evidence.compass is not None:
             mount = _compass(team, evidence)
             add_with_heading(team.joint, mount, mount.prior(), evidence.compass.tie)

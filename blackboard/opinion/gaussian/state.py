@@ -345,21 +345,33 @@ class TeamState(Copyable):
         return only
 
     def widen_priors(self) -> None:
-        """Replace priors of sensor errors (scales, camera direction) that sightings contradict by wide ones (`priors`).
+        """Replace priors of sensor errors (scales, camera direction) that sightings contradict by wide ones (`priors`), each once.
 
-        At most one of each robot in a tick, and each once. One robot alone cannot tell its errors from the motion of what it sees.
-        Compasses are judged where odometry is believed.
+        What contradicts one prior has moved the errors of mates, too. So the worst is replaced first, and the others judged after it.
+        One robot alone cannot tell its errors from the motion of what it sees. Compasses are judged where odometry is believed.
         """
         self._widen_compass()
-        if len(self.known) < 2:
-            return
-        for robot in filter(self.knows, sorted(self.known)):
-            block, done = self.joint.moments(robot), self.widened.get(robot, ())
-            worst = contradicted(block, self.entered.setdefault(robot, block), self.known[robot].nuisance, done)
-            if worst is not None:
-                self.widened[robot] = (*done, worst.state)
-                with self.blaming(robot):
-                    self._widen_prior(robot, self.joint.blocks[robot], worst, WIDE[worst.state])
+        while len(self.known) > 1 and (worst := self._most_contradicted()) is not None:
+            robot, error = worst
+            self.widened[robot] = (*self.widened.get(robot, ()), error.state)
+            with self.blaming(robot):
+                self._widen_prior(robot, self.joint.blocks[robot], error, WIDE[error.state])
+
+    def _most_contradicted(self) -> tuple[str, Contradiction] | None:
+        """The robot and the error of its sensors whose prior is contradicted most."""
+        found = [
+            (robot, error)
+            for robot in filter(self.knows, sorted(self.known))
+            if (
+                error := contradicted(
+                    self.joint.moments(robot),
+                    self.entered[robot],
+                    self.known[robot].nuisance,
+                    self.widened.get(robot, ()),
+                )
+            )
+        ]
+        return max(found, key=lambda one: one[1].beyond, default=None)
 
     def _widen_compass(self) -> None:
         """Give a wide prior to the error of one compass, or to the common error of all, whichever measurements contradict most."""
