@@ -14,7 +14,7 @@ from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.mounts import USUAL, Mount, add_with_heading, compass_of, reading_factor
+from blackboard.opinion.gaussian.mounts import USUAL, Mount, compass_of, reading_factor, turn_with
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
@@ -69,7 +69,7 @@ def compare(team: TeamState, news: Mapping[str, Evidence], motions: Mapping[str,
         team.offsets.forget(robot)
     again = {robot for robot in parted | back if robot in team.joint}
     for robot in sorted(again):
-        team.drop(robot)
+        team.drop(robot, again=True)
         belief = news[robot].belief
         assert belief is not None
         entering = team.limits.entering(robot, belief)
@@ -112,7 +112,8 @@ def _add(team: TeamState, evidence: Evidence, belief: Moments) -> None:
         team.entered[evidence.robot] = team.joint.moments(evidence.robot)
         if evidence.compass is not None:
             mount = _compass(team, evidence)
-            add_with_heading(team.joint, mount, mount.prior(), evidence.compass.tie)
+            team.joint.begin({error.block: error.known(team.joint) for error in (mount, team.north)})
+            turn_with(team.joint, evidence.robot, evidence.compass, mount, team.north)
 
 
 def _returned(team: TeamState, evidence: Evidence) -> Moments | None:

@@ -179,3 +179,16 @@ def add_with_heading(joint: Joint, mount: Mount, prior: Moments, tie: float) -> 
     tied = max(-math.sqrt(own * variance), min(tie * own, math.sqrt(own * variance)))
     rows[0, HEADING] = tied / variance if variance > 0 else 0.0
     joint.add(mount.block, Moments(prior.mean, np.array([[own - rows[0, HEADING] * tied]])), {mount.robot: rows})
+
+
+def turn_with(joint: Joint, robot: str, reading: CompassReading, *errors: Mount) -> None:
+    """Correct the heading with which a robot enters by the errors of its compass that are known; it is as unsure as these.
+
+    The belief of the robot takes these for `CompassReading.bias`.
+    """
+    at, tie = joint.blocks[robot].start + HEADING, max(-1.0, min(reading.tie, 1.0))
+    by = np.eye(len(joint.mean))
+    for error in errors:
+        by[at, joint.blocks[error.block]] = tie
+    joint.mean[at] = by[at] @ joint.mean - tie * reading.bias
+    joint.covariance = by @ joint.covariance @ by.T

@@ -149,15 +149,17 @@ class TeamState(Copyable):
         other.compasses = {robot: mount.copy() for robot, mount in self.compasses.items()}
         return other
 
-    def drop(self, subject: str) -> None:
-        """Forget a subject, and the lasting errors of what it saw and of sightings of it."""
+    def drop(self, subject: str, *, again: bool = False) -> None:
+        """Forget a subject, and the lasting errors of what it saw and of sightings of it; of who enters `again` not its compass's."""
         self.influence.drop(subject)
         self.strayed.forget(subject)
         self.widened.pop(subject, None)
         self.entered.pop(subject, None)
-        self.compasses.pop(subject, None)
+        kept = self.compasses[subject].block if again and subject in self.compasses else None
+        if kept is None:
+            self.compasses.pop(subject, None)
         for block in list(self.joint.blocks):
-            if block == subject or (isinstance(block, tuple) and subject in block[1:3]):
+            if block != kept and (block == subject or (isinstance(block, tuple) and subject in block[1:3])):
                 self.joint.drop(block)
                 if isinstance(block, tuple):
                     self.used.get(block[1], {}).pop(block, None)

@@ -11,10 +11,19 @@ from hypothesis import strategies as st
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.mounts import CompassReading, add_with_heading, compass_of, reading_factor
+from blackboard.opinion.gaussian.mounts import (
+    USUAL,
+    CompassReading,
+    add_with_heading,
+    compass_of,
+    north_of,
+    reading_factor,
+    turn_with,
+)
+from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import HEADING, STATES, Motion, Nuisance, entering
-from tests.opinion.gaussian.standing import LIAR, says
+from tests.opinion.gaussian.standing import LIAR, PLACES, says
 
 ROBOT = "robot/r1"
 SIGMA = 0.05
@@ -36,8 +45,8 @@ def told(tick: int, heading: float, sigma: float = SIGMA) -> Evidence:
     return replace(evidence, travelled=Motion(dt=float(tick)), compass=reading, time=float(tick))
 
 
-def heading(team: TeamJoint) -> tuple[float, float]:
-    block = team.pose(ROBOT)
+def heading(team: TeamJoint, robot: str = ROBOT) -> tuple[float, float]:
+    block = team.pose(robot)
     return float(block.mean[HEADING]), float(block.covariance[HEADING, HEADING])
 
 
@@ -55,6 +64,51 @@ def test_an_error_that_the_heading_rests_on_leaves_the_robot_as_it_was(own: floa
     assert joint.covariance[at, bias] ** 2 <= own * variance * (1 + 1e-9)
     if tie**2 * own <= variance:
         assert joint.regression(bias)[at] == pytest.approx(tie, abs=1e-9)
+
+
+@given(read=st.floats(-1.0, 1.0), bias=st.floats(-0.2, 0.2), seed=st.integers(0, 1000))
+def test_a_heading_that_rests_on_a_compass_is_what_a_reading_tells_a_robot_of_whose_heading_nothing_is_known(
+    read: float, bias: float, seed: int
+) -> None:
+    """Whatever is known of the error of its compass and of the common one; the robot took `bias` for it."""
+    chance, mount, north = np.random.default_rng(seed), compass_of(ROBOT, 0.05), north_of()
+    errors, variance = mount.block, SIGMA**2
+    entered, told = standing(read - bias, variance), standing(0.0, 1e6)
+    for joint in (entered, told):
+        joint.begin({errors: mount.prior(), north.block: north.prior()})
+    known = [chance.normal(0.0, 0.1, 1), chance.uniform(0.0, 1.0, (1, 1)), chance.uniform(0.0, 1.0, (1, 1))]
+    for joint in (entered, told):
+        joint.update(Factor(known[0], {errors: known[1], north.block: known[2]}, np.array([[0.001]])))
+    turn_with(entered, ROBOT, CompassReading(read, SIGMA, bias=bias, tie=-1.0), mount, north)
+    told.update(reading_factor(told, ROBOT, CompassReading(read, SIGMA), mount, north))
+    assert entered.mean == pytest.approx(told.mean, abs=1e-5)
+    assert entered.covariance == pytest.approx(told.covariance, abs=1e-5)
+
+
+def test_a_robot_that_enters_again_has_the_compass_that_it_had() -> None:
+    """What is known of its error stays known, and the heading that it tells rests on it."""
+    team, chance, pair = TeamJoint(), np.random.default_rng(3), ("robot/r1", "robot/r2")
+    places, entries = {robot: PLACES[robot] for robot in pair}, 0
+    for tick in range(80):
+        news = []
+        for robot, mate in (pair, pair[::-1]):
+            (dx, dy), strays = places[mate] - places[robot], robot == pair[0] and tick // 10 % 2 == 1
+            seen = Relative(robot, mate, math.hypot(dx, dy), math.atan2(dy, dx), 0.01, 0.001)
+            pose = np.array([*places[robot] + 8.0 * strays, 0.2 if tick else 0.0])
+            belief = entering(Moments(pose, np.diag([0.1, 0.1, 0.001])), Nuisance())
+            read = CompassReading(0.2 + chance.normal(0.0, SIGMA), SIGMA, most=1.0, tie=-1.0 if tick else 0.0)
+            motion = Motion(dt=float(tick), moving=float(tick), heading=1e-3 * tick)
+            own = replace(says(robot, tick, (seen,)), belief=belief, travelled=motion, compass=read, time=float(tick))
+            news.append(own)
+        before = {robot: team.entered[robot] for robot in pair if tick}
+        team.settle(tick, 1.0, news)
+        for robot in [robot for robot in pair if tick and team.entered[robot] is not before[robot]]:
+            entries += 1
+            errors = [team.compasses[robot].known(team.joint), team.north.known(team.joint)]
+            assert math.sqrt(errors[0].covariance[0, 0]) < 0.8 * USUAL
+            assert sum(error.mean[0] for error in errors) == pytest.approx(0.2, abs=0.06)
+            assert heading(team, robot)[0] == pytest.approx(0.0, abs=0.06)
+    assert entries >= 6
 
 
 @settings(deadline=None, max_examples=25)
