@@ -42,7 +42,7 @@ from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance, drive
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Array
 
@@ -128,7 +128,8 @@ class TeamState(Copyable):
     refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     #: Robot -> states of its block whose prior was contradicted and replaced by a wide one (`priors`).
     widened: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    entered: dict[str, Moments] = field(default_factory=dict)  # robot -> its block when it entered
+    #: Robot -> its block when it entered, with the lasting errors that it would have now if nothing had been seen since.
+    entered: dict[str, Moments] = field(default_factory=dict)
     north: Mount = field(default_factory=north_of)  # the common error of all compasses
     compasses: dict[str, Mount] = field(default_factory=dict)  # of robots that tell readings: how they are mounted
     known: dict[str, Known] = field(default_factory=dict)
@@ -374,6 +375,13 @@ class TeamState(Copyable):
             )
         ]
         return max(found, key=lambda one: one[1].beyond, default=None)
+
+    def let_entered_walk(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
+        """Predict what was known of a robot's lasting errors when it entered: scales walk, and what is seen is compared with that."""
+        if robot in self.entered:
+            alone = Joint.of({robot: self.entered[robot]})
+            drive(alone, robot, Motion(dt=motion.dt, moving=motion.moving), nuisance)
+            self.entered[robot] = alone.moments(robot)
 
     def _widen_compass(self) -> None:
         """Give a wide prior to the error of one compass, or to the common error of all, whichever measurements contradict most."""

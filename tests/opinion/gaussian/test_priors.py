@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.influence import FAINT, FARTHEST
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
 from blackboard.opinion.gaussian.priors import MOST, SHOWN, WIDE, contradicted, found_in
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, BEARING, FORWARD, HEADING, STATES, Nuisance, entering
+from blackboard.opinion.gaussian.vehicle import AXES, BEARING, FORWARD, HEADING, STATES, Motion, Nuisance, entering
 from tests.opinion.gaussian.standing import LIAR, PLACES, says
 
 ROBOT, MATE = "robot/r1", "robot/r2"
@@ -76,6 +78,34 @@ def test_a_state_of_which_nothing_was_seen_is_not_contradicted_and_each_once() -
     unseen = entering(POSE, NARROW)
     unseen.mean[BEARING], unseen.covariance[BEARING, BEARING] = 0.001, 0.999999 * 0.01**2
     assert contradicted(unseen, USUAL, NARROW) is None  # it is beyond by far, of next to nothing
+
+
+def is_accused(seed: int, walk: float, learned: float = 0.02) -> bool:
+    """Whether a robot is, whose scale it had `learned` so well (sigma) when it entered, and has walked since as its model says."""
+    rng, team, travelled = np.random.default_rng(seed), TeamJoint(), Motion()
+    nuisance = replace(NARROW, walks=(walk,))
+    block = entering(POSE, nuisance)
+    block.covariance[FORWARD, FORWARD] = learned**2
+    scale, information = rng.normal(block.mean[FORWARD], learned), np.zeros((STATES, STATES))
+    information[FORWARD, FORWARD] = 1 / 0.04**2
+    for tick in range(15):
+        measured = block.mean.copy()
+        measured[FORWARD] = rng.normal(scale, 0.04)
+        increment = Increment(measured, information, np.zeros(STATES)) if tick else None
+        reports = [
+            Evidence(robot, 0, tick, travelled, nuisance, block if not tick else None, gain, time=10.0 * tick)
+            for robot, gain in ((ROBOT, increment), (MATE, None))
+        ]
+        team.settle(tick, 10.0, reports)
+        travelled = travelled.plus(Motion(dt=10.0, moving=10.0))
+        scale += rng.normal(0.0, walk * np.sqrt(10.0))
+    return bool(team.widened)
+
+
+@pytest.mark.parametrize("walk", [0.0, 0.003])
+def test_scales_that_walk_as_they_may_since_a_robot_entered_contradict_nothing(walk: float) -> None:
+    """A robot that had found its scales when its board began again was accused, and the wide prior threw its heading about."""
+    assert sum(is_accused(seed, walk) for seed in range(100)) <= 2
 
 
 @pytest.mark.parametrize("sigma", [0.0, 1e-300, 1e-12, 1.0, 1e150])
