@@ -20,7 +20,6 @@ from blackboard.opinion.grid import Array
 
 WIDE = {FORWARD: 0.5, TURN: 0.5, BEARING: 0.2, RANGE: 0.2}  # sigmas, of the bearing in radians
 SHOWN = 0.5  # times a sigma of `WIDE`: so well a state must be known with the wide prior, or else what is seen says little of it
-MOST = 10.0  # times a sigma of `WIDE`: no sensor errs by more
 LEAST = 1e-6  # of a sigma: less is rounding
 #: How boards call these states, and their units, among the parameters of a consensus.
 FOUND = {
@@ -77,7 +76,7 @@ def by_wide_prior(
     """By how many sigmas, squared, what was seen of a state contradicts its prior, and its mean and variance by a wide one.
 
     `before` and `now` are mean and variance by the prior and of what is believed, `wide` mean and sigma of the wide prior. 0 sigmas:
-    too little was seen for that, or the state would be farther off than any sensor.
+    too little was seen for that, or it contradicts the wide prior, too.
     """
     (then, prior), (mean, left) = before, now
     usual, sigma = wide
@@ -85,7 +84,8 @@ def by_wide_prior(
         return 0.0, mean, left
     information = 1 / left - 1 / prior + 1 / sigma**2
     led = (mean / left - then / prior + usual / sigma**2) / information
-    enough = information * (SHOWN * sigma) ** 2 > 1 and abs(led - then) <= MOST * sigma
+    holds = (led - usual) ** 2 <= quantile(GATE, 1) * (sigma**2 - 1 / information)
+    enough = information * (SHOWN * sigma) ** 2 > 1 and holds
     return (mean - then) ** 2 / (prior - left) if enough else 0.0, led, 1 / information
 
 

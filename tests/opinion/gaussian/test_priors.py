@@ -1,5 +1,6 @@
 """A prior that is contradicted is replaced, as if the wider one had been there from the start; one that holds is left alone."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,11 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.influence import FAINT, FARTHEST
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.priors import MOST, SHOWN, WIDE, contradicted, found_in
+from blackboard.opinion.gaussian.priors import SHOWN, WIDE, contradicted, found_in
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.opinion.gaussian.vehicle import AXES, BEARING, FORWARD, HEADING, STATES, Motion, Nuisance, entering
@@ -122,7 +124,21 @@ def test_a_scale_that_no_wheels_have_is_not_taken_over(claimed: float) -> None:
     block, claims = measured(3, FORWARD, 0.5, NARROW).moments(ROBOT), replace(NARROW, forward=claimed, turn=claimed)
     assert contradicted(block, USUAL, NARROW) is not None
     worst = contradicted(block, USUAL, claims)
-    assert worst is None or abs(worst[1] - USUAL.mean[worst[0]]) <= MOST * WIDE[worst[0]]
+    assert worst is None or abs(worst[1] - USUAL.mean[worst[0]]) <= math.sqrt(quantile(GATE, 1)) * WIDE[worst[0]]
+
+
+@pytest.mark.parametrize("state", WIDE)
+@pytest.mark.parametrize("times", [-4.0, 4.0])
+def test_what_contradicts_the_wide_prior_too_replaces_nothing(state: int, times: float) -> None:
+    """So little is known that what was seen is multiplied by hundreds: the error of a straight line in it would be, too."""
+    block, sigma = Moments(USUAL.mean.copy(), USUAL.covariance.copy()), NARROW.sigmas[state - FORWARD]
+    for share, beyond in ((0.5, False), (1.0, True)):
+        information = 10 / WIDE[state] ** 2
+        block.covariance[state, state] = 1 / (1 / sigma**2 + information)
+        off = share * times * WIDE[state] * information * block.covariance[state, state]
+        block.mean[state] = USUAL.mean[state] + off
+        assert off**2 > quantile(GATE, 1) * (sigma**2 - block.covariance[state, state])
+        assert (contradicted(block, USUAL, NARROW) is None) == beyond
 
 
 def test_only_numbers_under_known_names_are_told() -> None:
