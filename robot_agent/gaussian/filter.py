@@ -46,7 +46,7 @@ from blackboard.wire.messages import Fix, Readings, Sighting
 from robot_agent.gaussian.absolute import AbsoluteSensors, headings, starting_pose
 from robot_agent.gaussian.findings import findings
 from robot_agent.gaussian.jitter import Jitter
-from robot_agent.gaussian.landmarks import Landmarks, Named, blurred
+from robot_agent.gaussian.landmarks import Landmarks, Misses, Named, blurred
 from robot_agent.gaussian.mishaps import Mishaps
 from robot_agent.gaussian.noise import CameraNoise, WheelNoise
 from robot_agent.gaussian.roaming import Roaming
@@ -57,8 +57,6 @@ from robot_agent.untold import ALL_TOLD, NOTHING, Untold
 
 Seen = list[tuple[Relative, Array]]  # sightings of landmarks, or of other known points, with their places
 
-LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate: the robot is not where it believes
-FEWEST = 8  # sightings in those ticks
 REOPENED, REOPENED_HEADING = 1.0, 0.5  # sigmas, unit and radians, of a belief that was given up for the team's
 #: Squared distances (`_squared`) of the team's place within which it is linearised there, or begun anew there.
 NEAR, ABSURD = (30.0, 1e4)
@@ -100,8 +98,7 @@ class FirstHand:
     _unmeasured: float = 0.0
     _turned: float = 0.0  # radians: the turn of the tick, or its change if that is larger
     _groups: dict[str, tuple[float, float]] = field(default_factory=dict)  # first landmark of a group -> its place
-    #: Sightings and those beyond the gate, of the last ticks.
-    _misses: list[tuple[int, int]] = field(default_factory=list)
+    _misses: Misses = field(default_factory=Misses)
     _unsent: Unsent = field(init=False)
     _search: PlaceSearch = field(init=False)
     wheels: WheelNoise = field(init=False)
@@ -174,7 +171,7 @@ class FirstHand:
             self.distrust.judge(self.robot, self.joint.moments(self.robot), self._usual)
         increment, unsent = self._gained(prediction), self._gained(self._unsent.before)
         others += self._unnamed(readings, motion.dt)
-        if self._gave_up(readings, team, apart) or self.epoch != epoch:
+        if self._gave_up(readings, team, apart, landmarks, motion) or self.epoch != epoch:
             increment = unsent = None
         said = self.travelled, self.sensors.wheels.nuisance, self.belief, increment, others, readings.time
         camera = self.camera.found(self.sensors.camera)
@@ -245,8 +242,11 @@ class FirstHand:
         factors = [linearise(joint, relative, motions, place) for relative, place in seen if relative.places]
         return factors if fix is None else [*factors, self.absolute.fix_factor(joint, fix, self.joint)]
 
-    def _gave_up(self, readings: Readings, team: Array | None, apart: float) -> bool:
-        """Whether the belief was given up: as absurd, or because fixes, a compass or landmarks contradict it."""
+    def _gave_up(self, readings: Readings, team: Array | None, apart: float, seen: Seen, motion: Motion) -> bool:
+        """Whether the belief was given up: as absurd, or because fixes, a compass or landmarks contradict it.
+
+        The team may believe what the robot told it. So it begins there only if the landmarks that are `seen` do not contradict that.
+        """
         if self.known and _is_absurd(self.joint):
             self.restart(readings.time)
             return True
@@ -263,9 +263,12 @@ class FirstHand:
         self.camera = CameraNoise()  # it was judged from a wrong place
         if team is not None and apart <= ABSURD:
             self._reopen(team)
-        else:
-            self.restart(readings.time)
-            self._start(readings)
+            told = [linearise(self.joint, relative, {self.robot: motion}, place) for relative, place in seen]
+            beyond = [self.joint.innovation(factor).squared > quantile(GATE, len(factor.residual)) for factor in told]
+            if 2 * sum(beyond) <= len(beyond):
+                return True
+        self.restart(readings.time)
+        self._start(readings)
         return True
 
     def _adrift(self, fix: Fix | None) -> float:
@@ -375,17 +378,15 @@ class FirstHand:
     # --- lost and found -------------------------------------------------------------------------------------------------
 
     def lost(self) -> bool:
-        """Whether landmarks have contradicted the belief for `LOST` ticks that had any: a gross inconsistency."""
-        last = self._misses[-LOST:]
-        seen, missed = (sum(column) for column in zip(*last, strict=True)) if last else (0, 0)
-        return len(last) == LOST and seen >= FEWEST and all(m > 0 for _, m in last) and 2 * missed > seen
+        """Whether landmarks have contradicted the belief for long enough: a gross inconsistency."""
+        return self._misses.contradict()
 
     def restart(self, time: float) -> None:
         """Forget the belief: a new epoch begins at a team time (s), on new evidence alone."""
         self._begin_epoch(time)
         self.joint, self._last, self._unmeasured = Joint(), None, 0.0
         self.widened = ()
-        self._groups, self._misses = {}, []
+        self._groups, self._misses = {}, Misses()
         self._unsent.forget()
         self._search.forget()
         self.wheels.give_up()
@@ -411,7 +412,7 @@ class FirstHand:
         What is gained over a prediction is evidence whatever the prediction was, so no increment counts the team's belief.
         """
         pose = Moments(at[POSE], np.diag([REOPENED**2, REOPENED**2, REOPENED_HEADING**2]))
-        self.joint, self._misses, self._unmeasured, self.widened = Joint(), [], 0.0, ()
+        self.joint, self._misses, self._unmeasured, self.widened = Joint(), Misses(), 0.0, ()
         self.wheels.give_up()
         self.mishaps.forget()
         self.absolute.forget()
@@ -568,7 +569,8 @@ class FirstHand:
             else:
                 correct(self.joint, factor)
         if seen or named.strange:
-            self._misses = [*self._misses, (len(seen) + named.strange, missed)][-LOST:]
+            told = [(relative.subject, relative.kind) for relative, _ in seen]
+            self._misses.on_tick([*told, *(("?", str(number)) for number in range(named.strange))], missed)
         if seen and not missed and not self._is_flat():
             self.mishaps.fitted(self.joint.moments(self.robot))
             self.absolute.fits()

@@ -1,6 +1,7 @@
 """Which landmark of the map an unnamed sighting is of, by where the robot believes to be. Pure but for what `Naming` learns."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -19,6 +20,9 @@ MOST = 16  # landmarks that a sighting may be of; where there are more, the robo
 REACH = 6.0  # sigmas of place, heading and sighting together, beyond which a landmark is not tried
 MIN_RANGE = 0.1  # unit: nearer, a blur across the line of sight is told as if it was there
 MARGIN = 5.0  # unit around the map, in which what is none of its landmarks may stand
+LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate, at least: the robot is not where it believes
+FEWEST = 8  # sightings in those ticks, of which `LOST` of one landmark count: it may not be where the map has it
+KEPT = 50  # ticks
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,28 @@ class Named:
     #: Landmark -> variances by which it is not known which one it is: along the line of sight (unit^2), across it (radians^2).
     blurs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     strange: int = 0  # sightings that are of none: a robot with many of these is not where it believes
+
+
+@dataclass
+class Misses:
+    """Mutable; `on_tick` with each tick in which landmarks were seen. How far back is looked depends on how many are in view."""
+
+    #: What was seen in the last ticks in a row with sightings beyond the gate, and how many of these there were.
+    _ticks: list[tuple[Sequence[tuple[str, str]], int]] = field(default_factory=list)
+
+    def on_tick(self, seen: Sequence[tuple[str, str]], missed: int) -> None:
+        """Take what was seen in a tick, by name and kind, and how many were beyond the gate."""
+        self._ticks = [*self._ticks, (seen, missed)][-KEPT:] if missed else []
+
+    def contradict(self) -> bool:
+        """Whether most of the newest sightings were beyond the gate, of several landmarks and for long enough."""
+        by_name, missed = Counter[tuple[str, str]](), 0
+        for ticks, (seen, beyond) in enumerate(reversed(self._ticks), 1):
+            by_name.update(seen)
+            missed += beyond
+            if ticks >= LOST and sum(min(LOST, number) for number in by_name.values()) >= FEWEST:
+                return 2 * missed > by_name.total()
+        return False
 
 
 @dataclass

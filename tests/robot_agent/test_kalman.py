@@ -1,5 +1,7 @@
 """The robot's first-hand Gaussian filter: starts, evidence and loss."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,8 @@ from blackboard.opinion.grid import Array, Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.config import OdometrySection
-from robot_agent.gaussian.filter import LOST, FirstHand
+from robot_agent.gaussian.filter import FirstHand
+from robot_agent.gaussian.landmarks import LOST
 from robot_agent.gaussian.sensors import Camera, Sensors, Wheels, simulated, wheels_of
 from tests.present import present
 from tests.robot_agent.robots import Pose, sight_of
@@ -186,6 +189,55 @@ def test_a_robot_that_was_carried_away_begins_a_new_epoch() -> None:
     result = robot.step(standing(20, (-1.5, 1.5, 2.0)))
     assert result.epoch == 1000 * (4 + LOST)
     assert result.belief is not None
+
+
+@pytest.mark.parametrize("knows", [True, False])
+def test_a_robot_that_was_carried_away_begins_where_its_team_has_it_only_if_its_landmarks_fit_there(
+    knows: bool,
+) -> None:
+    """A team of which nobody sees it believes what it told, and there it began again and again."""
+    robot, here = started(), (-3.0, 3.0, 2.5)
+    for tick in range(1, 5):
+        robot.step(standing(tick, (0.0, 0.0, 0.0)))
+    first = robot.epoch
+    for tick in range(5, 5 + LOST):
+        team = present(robot.belief)
+        if knows:
+            team = Moments(np.array([-2.8, 3.2, 2.4, *team.mean[FORWARD:]]), team.covariance)
+        robot.step(standing(tick, here), team)
+    assert (robot.epoch == first) is knows
+    assert robot.known is knows
+
+
+def seeing(tick: int, names: Sequence[str], at: tuple[float, float, float]) -> Readings:
+    """Readings at a tick of a robot that stands and sees these landmarks alone."""
+    told = standing(tick, at)
+    return told.model_copy(update={"sightings": [s for s in told.sightings if s.subject in names]})
+
+
+@pytest.mark.parametrize("others", [LOST + 1, 30])
+def test_a_robot_that_sees_one_landmark_at_a_time_finds_out_that_it_was_carried_away(others: int) -> None:
+    """It needed two in view at a time, so with a narrow camera it stayed metres off, and sure of that, until its wheels lost it."""
+    robot, (one, other, _) = started(), sorted(LANDMARKS)
+    for tick in range(1, 5):
+        robot.step(standing(tick, (0.0, 0.0, 0.0)))
+    first = robot.epoch
+    for tick in range(5, 5 + others):
+        robot.step(seeing(tick, [one], (-1.5, 1.5, 2.0)))
+        assert robot.epoch == first  # that landmark may have been carried away
+    for tick in range(5 + others, 8 + others):
+        robot.step(seeing(tick, [other], (-1.5, 1.5, 2.0)))
+    assert robot.epoch > first
+
+
+def test_a_robot_is_not_lost_where_one_landmark_is_not_where_the_map_has_it() -> None:
+    robot, (one, other, _) = started(), sorted(LANDMARKS)
+    for tick in range(1, 5):
+        robot.step(standing(tick, (0.0, 0.0, 0.0)))
+    first = robot.epoch
+    for tick in range(5, 60):
+        robot.step(seeing(tick, [one], (-1.5, 1.5, 2.0)) if tick % 10 else seeing(tick, [other], (0.0, 0.0, 0.0)))
+    assert robot.epoch == first
 
 
 def test_with_a_compass_it_finds_itself_again() -> None:
