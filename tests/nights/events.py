@@ -1,6 +1,6 @@
 """What oracles see of a night: everything that was said, and every process from inside."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -99,6 +99,7 @@ class Stepped(Event):
     before: Joint
     after: Joint
     unnamed: Sequence[Unnamed]  # what it made of the sightings without a name
+    outvoted: Collection[str] = ()  # robots that two or more others' evidence has elsewhere than the joint had, beyond 99.9 %
 
 
 @dataclass(frozen=True)

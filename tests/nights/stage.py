@@ -29,7 +29,7 @@ from blackboard.opinion.gaussian.once import SettledOnce, settle_alone
 from blackboard.opinion.gaussian.team import TeamJoint
 from blackboard.process.service import Around, Checked, Service
 from blackboard.tape.file import TapeWriter
-from blackboard.tape.journal import Journaled
+from blackboard.tape.journal import Journaled, digest
 from blackboard.tape.recorder import Recorder
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
@@ -195,6 +195,7 @@ class Stage(Scheduler):
         self._ticks = 0  # of the sensors, where there is no world
         self.route = self._route
         self.disk, self.records = Disk(), record
+        self.strange: set[str] = set()  # the digests of what strangers said
         if record:
             writer = TapeWriter(self.disk, {"team": "t", "scenario": self.scenario.to_json()})
             self.writer, self._recorder = writer, Recorder("t", writer)
@@ -233,8 +234,10 @@ class Stage(Scheduler):
         self._steps += 1
         after = (settle_alone if self._steps % self._alone == 0 else self._settle_once)(team, number, dt, batch)
         assert isinstance(machine, BoardService)
-        run, board, unnamed = machine.clock.run, machine.board, list(after.tally.unnamed)
-        self.tell(Stepped(self.at, self.acting, run, board, number, dt, batch, before, after.joint, unnamed))
+        run, board, made = machine.clock.run, machine.board, after.tally
+        outvoted = [robot for robot, choice in made.choices.items() if choice.outvoted]
+        told = before, after.joint, list(made.unnamed), outvoted
+        self.tell(Stepped(self.at, self.acting, run, board, number, dt, batch, *told))
         return after
 
     # --- who runs ---------------------------------------------------------------------------------------------------------
@@ -396,8 +399,10 @@ class Stage(Scheduler):
             said = Consensus(board=name, sub_team=sub_team, level="agreed", subject=f"object/{name}", belief=belief,
                              ancestors={}, used=[], entropy=0.0, conflict=False, rule="coalition", **more)  # fmt: skip
             at_status = keys.STATUS.key(team="t", sub_team=sub_team, process=name)
-            self.bus.send(Envelope(at_status, encode(status)))
-            self.bus.send(Envelope(keys.AGREED.key(team="t", sub_team=sub_team, subject=said.subject), encode(said)))
+            at_agreed = keys.AGREED.key(team="t", sub_team=sub_team, subject=said.subject)
+            for envelope in (Envelope(at_status, encode(status)), Envelope(at_agreed, encode(said))):
+                self.strange.add(digest(envelope))
+                self.bus.send(envelope)
 
     # --- a team without a world -------------------------------------------------------------------------------------------
 

@@ -57,6 +57,23 @@ def test_a_board_that_is_started_again_at_once_hears_whole_states_on_a_poor_link
     assert live(Night(team, (faults.Killed(3.5, 3.6, "board/a/board-a2"),))) is None
 
 
+def test_nobody_waits_for_what_a_board_passes_on_that_yielded_meanwhile() -> None:
+    team = Team({"a": ("r1",), "b": ("r2",)}, "lockstep", 2, 2.0, 0.5, 0.1, "joint")
+    assert live(Night(team, (faults.Routerless(3.05, 8.05),))) is None
+
+
+def test_a_joint_that_honest_sightings_have_contradicted_by_chance_owes_no_place() -> None:
+    team = Team({"a": ("r1", "r3"), "b": ("r2",)}, "free", 1, 1.0, 0.5, 0.001, "joint", "linear", learns=False)
+    drawn = faults.Slow(5.74, 6.24, "robot/r1", 0.3), faults.Crowd(7.52, 7.59, "a", 1100)
+    assert live(Night(team, drawn, 48751782)) is None
+
+
+def test_a_tape_without_room_for_new_keys_is_replayed_until_it_misses_what_the_team_said() -> None:
+    team = Team({"a": ("r1", "r3")}, "realtime", 1, 1.0, 1.0, 0.05, "joint", learns=False, max_age=3.0)
+    drawn = faults.Crowd(2.0, 2.08, "a", 1100), faults.Crowd(7.15, 7.23, "b", 1100)
+    assert live(Night(team, drawn, 715438800)) is None
+
+
 def test_a_seed_and_a_number_are_always_the_same_night() -> None:
     nights = [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
     assert nights == [draw_night(seed, number) for seed in (1, 2) for number in range(30)]

@@ -77,7 +77,10 @@ def opened_as_consensus(envelope: Envelope) -> Consensus | None:
 
 
 class BoardsWaitForForwards(Oracle):
-    """In lockstep a joint is done with a tick when it has what each board passes on whose tick it has, or counts the tick as late."""
+    """In lockstep a joint is done with a tick when it has what each board passes on whose tick it has, or counts the tick as late.
+
+    Not asked of what a board listed before it yielded: nobody waits for who follows, and who leads instead passes on the same robots'.
+    """
 
     sees = (Began, Heard, Said)
 
@@ -110,13 +113,12 @@ class BoardsWaitForForwards(Oracle):
         _, parts, message = opened(event.envelope)
         if isinstance(message, Forward):
             self._passed[event.process].add((message.sub_team, message.board, message.tick))
-        elif (
-            isinstance(message, Status)
-            and message.phase == "consensus"
-            and message.kind == "board"
-            and not message.follows
-        ):
-            self._listed[event.process].add((parts["sub_team"], message.process, message.tick))
+        elif isinstance(message, Status) and message.kind == "board":
+            board, listed = (parts["sub_team"], message.process), self._listed[event.process]
+            if message.follows:
+                listed -= {of for of in listed if of[:2] == board}
+            elif message.phase == "consensus":
+                listed.add((*board, message.tick))
 
     def _judge(self, event: Said, status: Status, board: BoardService) -> None:
         if status.phase != "agreed":
