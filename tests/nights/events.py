@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from blackboard.board.board import Board
 from blackboard.errors import Refused
-from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.joint import Joint
 from blackboard.opinion.gaussian.naming import Unnamed
 from blackboard.process.service import Service
@@ -99,7 +99,11 @@ class Stepped(Event):
     before: Joint
     after: Joint
     unnamed: Sequence[Unnamed]  # what it made of the sightings without a name
-    outvoted: Collection[str] = ()  # robots that two or more others' evidence has elsewhere than the joint had, beyond 99.9 %
+    outvoted: Collection[
+        str
+    ] = ()  # robots that two or more others' evidence has elsewhere than the joint had, beyond 99.9 %
+    verdicts: Sequence[Verdict] = ()
+    silent: int = 0  # sightings that said nothing, until then
 
 
 @dataclass(frozen=True)

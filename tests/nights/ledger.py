@@ -5,6 +5,7 @@ grow. So no board has a say in the name.
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -251,3 +252,38 @@ def _least_share(one: Joint, other: Joint, robot: str) -> float:
     root = np.linalg.cholesky(other.moments(robot).covariance[AXES, AXES])
     white = np.linalg.solve(root, np.linalg.solve(root, one.moments(robot).covariance[AXES, AXES]).T)
     return float(np.linalg.eigvalsh(0.5 * (white + white.T))[0])
+
+
+class SightingsAreJudged(Oracle):
+    """Each named sighting of a mate that is settled is judged, taken or not, in that step or in the next one of its observer.
+
+    Or it counts as saying nothing. Not asked of who begins an epoch, nor of a mate that is not in the joint.
+    """
+
+    sees = (Stepped,)
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        #: Board and observer -> its epoch, and by mate how many sightings were settled before and not judged until now.
+        self._owed: dict[tuple[Board, str], tuple[int, Counter[str]]] = {}
+
+    def see(self, event: Event) -> None:
+        assert isinstance(event, Stepped)
+        judged = Counter((verdict.source, verdict.subject) for verdict in event.verdicts if verdict.kind == "relative")
+        for said in event.batch:
+            epoch, owed = self._owed.get((event.board, said.robot), (said.epoch, Counter[str]()))
+            owed = Counter(owed if epoch == said.epoch else ())
+            for mate in [mate for mate in owed if mate not in event.before or mate not in event.after]:
+                del owed[mate]
+            seen = Counter(
+                sighting.subject
+                for sighting in said.relatives
+                if sighting.observer == said.robot != sighting.subject and sighting.subject in event.after
+            )
+            mates = [mate for mate in {*owed, *seen} if mate.startswith("robot/") and not is_class(mate)]
+            # what is seen now may be judged with what its observer tells next
+            left = {mate: owed[mate] - judged[said.robot, mate] for mate in mates}
+            if (lost := max(left.values(), default=0)) > event.silent and said.robot in event.before:
+                mate = max(left, key=left.__getitem__)
+                self.breaks(event.at, f"{event.process} judges {lost} sightings of {mate} by {said.robot} in no step")
+            self._owed[event.board, said.robot] = said.epoch, Counter({mate: left[mate] + seen[mate] for mate in mates})

@@ -217,6 +217,12 @@ BUGS = {
         "for robot in sorted(set(motions) - entered):",
         "for robot in sorted(set(motions) - entered)[:-1]:",
     ),
+    "lost": Bug(
+        "of the sightings that wait until mates have told how they moved only the first is kept",
+        "blackboard/opinion/gaussian/team.py",
+        "self.early[robot] = now, tuple(waiting)",
+        "self.early[robot] = now, tuple(waiting[:1])",
+    ),
     "never": Bug(
         "what comes too early is forgotten when it still is so at the next try",
         "blackboard/process/intake.py",

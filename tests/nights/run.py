@@ -19,7 +19,7 @@ from tests.nights.events import Event, opened
 from tests.nights.faults import Crowd
 from tests.nights.gains import GainsAddUp
 from tests.nights.intakes import EarlyIsKept
-from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits, SightingsAreToldOnce
+from tests.nights.ledger import EvidenceCountsOnce, SameEvidenceSameBits, SightingsAreJudged, SightingsAreToldOnce
 from tests.nights.night import Night, draw_night
 from tests.nights.oracles import (
     Broken,
@@ -50,7 +50,7 @@ from tests.nights.waits import (
 
 ORACLES: tuple[type[Oracle], ...] = (
     BytesSayIt, NobodyDies, InvariantsHold, NothingGrows, EveryTickIsSettled, StatusesAreTrue, ProvenanceIsWhole, EvidenceCountsOnce,
-    SightingsAreToldOnce, SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
+    SightingsAreToldOnce, SightingsAreJudged, SameEvidenceSameBits, TheNewestCounts, TheHonestCount, RostersAreTrue, EarlyIsTaken, SomebodySpeaks, NobodyWaits,
     BoardsAgreeAgain, Coverage, OneVote, HeardIsSettled, EvidenceReachesAll, RobotsAreKnown,
     LeadersSpeak, EarlyIsKept, AgesAreTrue, NothingIsFromLater, RunsAreNew, ClocksAreKnown, TracksAreNumberedOn, GainsAddUp,
     RobotsWaitForTheAgreed, BoardsWaitForForwards, BoardsWaitForReports, LockstepIsWhole, LateAreWaitedForAgain,

@@ -236,7 +236,7 @@ class Stage(Scheduler):
         assert isinstance(machine, BoardService)
         run, board, made = machine.clock.run, machine.board, after.tally
         outvoted = [robot for robot, choice in made.choices.items() if choice.outvoted]
-        told = before, after.joint, list(made.unnamed), outvoted
+        told = before, after.joint, list(made.unnamed), outvoted, list(made.verdicts), made.silent
         self.tell(Stepped(self.at, self.acting, run, board, number, dt, batch, *told))
         return after
 

@@ -35,7 +35,8 @@ JOINT = replace(TEAM, boards=1, fusion="joint")
 
 #: For a bug the night that it takes: its leader hangs, a newcomer hangs before anybody leads, a status of the board
 #: that follows is lost, messages come again while one robot is late, a robot's token comes after its reports, strangers speak.
-#: Then one token after the other comes late, a link is poor, a robot is started again, and so is a world, a robot is frozen for a while.
+#: Then one token after the other comes late, mates are seen that tell a step later how they moved, a link is poor, a robot is started
+#: again, and so is a world, a robot is frozen for a while.
 NIGHTS = {
     "stuck": Night(TEAM, (Frozen(2.0, 8.5, "board/a/board-a"),)),
     "awaited": Night(replace(TEAM, boards=1, patience=2.0), (AnotherBoard(0.0, 8.5, "a", "a-first", hangs=True),)),
@@ -50,6 +51,7 @@ NIGHTS = {
         replace(TEAM, mode="free", boards=1),
         (Killed(3.0, 5.0, "robot/r1", unseen=1.5), Killed(3.0, 4.5, "robot/r2", unseen=1.0)),
     ),
+    "lost": Night(replace(JOINT, sub_teams={"a": ("r1", "r2"), "b": ("r3", "r4")}, mode="free", tick=0.5)),
     "unsent": Night(replace(JOINT, tick=0.5, rate=RATE)),
     "entered": Night(JOINT, (Killed(3.0, 5.0, "robot/r1"),)),
     "leftover": Night(replace(TEAM, boards=1), (WorldKilled(5.0, 5.3),)),
@@ -62,5 +64,12 @@ def test_a_bug_is_noticed_in_the_night_that_it_takes(name: str) -> None:
     assert live(NIGHTS[name]) is None
     assert breaks(BUGS[name], NIGHTS[name]).startswith(
         ("SomebodySpeaks", "TheNewestCounts", "NobodyWaits", "NobodyDies", "EarlyIsTaken", "NothingGrows")
-        + ("EarlyIsKept", "GainsAddUp", "EvidenceCountsOnce", "NothingIsFromLater", "LateAreWaitedForAgain")
+        + (
+            "EarlyIsKept",
+            "GainsAddUp",
+            "EvidenceCountsOnce",
+            "NothingIsFromLater",
+            "LateAreWaitedForAgain",
+            "SightingsAreJudged",
+        )
     )
