@@ -5,7 +5,9 @@ A claimed covariance says nothing about the truth. So a board holds three things
 - a sighting: no range, and no place across the line of sight, is known better;
 - all that a robot says of itself: its increments are multiplied into a filter of its own (`alone`), whose place is never known better,
   however often they come and however little it claims that its motion adds; nor much better than the belief that it tells beside
-  them, which `contacts` holds against its mates': of an honest robot the two are the same but for where they linearise;
+  them, which `contacts` holds against its mates': of an honest robot the two are the same but for where they linearise.
+  An increment that says more than the belief gained since the one before is none (`NEARLY`): who tells as its own what the team
+  believes would else hear that again, twice as sure each tick;
 - the belief with which it enters: no sharper, and after `ENTRIES` beginnings in a row wider, as `RENEWAL` says. Its mates keep what
   they learned from the epochs before, so a robot that begins anew each tick would count once for each. Nor does who begins again
   know more than it said before, or than two of its mates say of themselves. Where the team's sensors tell less than the sharpest
@@ -36,6 +38,9 @@ ENTRIES = 3.0  # beginnings in a row that count in full: a start, a restart, and
 RENEWAL = 60.0  # seconds until one more does
 HALVINGS = 20  # of the share of an increment that is sought
 ROUGHLY = 0.5  # share of the variance of the belief that a robot tells, which its increments together may leave
+#: The same of one increment and the belief before it, moved on. It is 1 of simulated robots, and was above 0.8 of nearly all in the
+#: field's tests; of who gains all that it believes it is near 0.5.
+NEARLY = 0.7
 LEAST = 1e-4  # share of a beginning that always counts, so that its covariance is a number
 
 
@@ -45,12 +50,15 @@ class Limits(Copyable):
 
     sharpest: float = 0.0
     _alone: dict[str, Joint] = field(default_factory=dict)  # robot -> what it alone says of itself
+    _believed: dict[str, Joint] = field(default_factory=dict)  # robot -> what it told last that it believes, moved on
     _entries: dict[str, float] = field(default_factory=dict)  # robot -> beginnings that would count in full
 
     def copy(self) -> Self:
         """The same, which may be changed without changing this one."""
         other = super().copy()
-        other._alone = {robot: own.copy() for robot, own in self._alone.items()}
+        other._alone, other._believed = (
+            {robot: own.copy() for robot, own in of.items()} for of in (self._alone, self._believed)
+        )
         return other
 
     def pass_time(self, dt: float) -> None:
@@ -63,12 +71,12 @@ class Limits(Copyable):
         """The belief with which a robot's block enters the joint."""
         if not self.sharpest:
             return belief
+        self._believed[robot] = _joint(robot, belief)
         left = self._entries.get(robot, ENTRIES)
         self._entries[robot] = max(0.0, left - 1.0)
         blunted = _blunted(belief.covariance, max(self.sharpest**2, self._known(robot)))
         belief = Moments(belief.mean, blunted / min(1.0, max(left, LEAST)))
-        self._alone[robot] = Joint()
-        self._alone[robot].add(robot, belief)
+        self._alone[robot] = _joint(robot, belief)
         return belief
 
     def _known(self, robot: str) -> float:
@@ -81,9 +89,12 @@ class Limits(Copyable):
         return min(before, sorted(least.values())[1]) if len(least) > 1 else 0.0
 
     def drive(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
-        """Move a robot by what it says of itself."""
-        if robot in self._alone:
-            drive(self._alone[robot], robot, motion, nuisance)
+        """Move a robot by what it says of itself. Who tells no motion may have gone anywhere from where it believed to be."""
+        if not motion.moving:
+            self._believed.pop(robot, None)
+        for own in (self._alone, self._believed):
+            if robot in own:
+                drive(own[robot], robot, motion, nuisance)
 
     def on_compass(self, robot: str, reading: CompassReading | None) -> None:
         """Take a compass reading into what the robot alone says of itself, as if it had no lasting error: so that is bounded more."""
@@ -99,8 +110,15 @@ class Limits(Copyable):
         `variance` is what was learned of the noise of the robot's increments, relative to what it claims; `told` is the first-hand
         belief that it tells after this increment.
         """
+        believed = self._believed.pop(robot, None)
+        if self.sharpest and told is not None:
+            self._believed[robot] = _joint(robot, told)
         if increment is None or robot not in self._alone:
             return increment
+        if told is not None and believed is not None:
+            after = _multiplied(believed, robot, increment, 1.0)
+            if _is_sharper(after, robot, [NEARLY * told.covariance[AXES, AXES]]):
+                return None
         before, least = self._alone[robot], variance * self.sharpest**2 * np.eye(2)
         floors = [least] if told is None else [least, ROUGHLY * told.covariance[AXES, AXES]]
         share, too_much = 1.0, 1.0
@@ -138,6 +156,12 @@ class Limits(Copyable):
     def blunted(self, covariance: Array) -> Array:
         """A covariance with a place that is known no better than the sharpest sensor could tell; the same one where it is not."""
         return _blunted(covariance, self.sharpest**2)
+
+
+def _joint(robot: str, belief: Moments) -> Joint:
+    own = Joint()
+    own.add(robot, belief)
+    return own
 
 
 def _blunted(covariance: Array, least: float) -> Array:

@@ -69,6 +69,36 @@ def test_nor_much_more_than_the_belief_that_it_tells_beside_it(said: list[Increm
     assert np.linalg.eigvalsh(team_joint.marginal(LIAR).covariance - ROUGHLY * np.diag([x, y]))[0] >= -1e-3
 
 
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_who_tells_as_its_own_gain_what_the_team_believes_of_it_makes_that_no_surer(share: float) -> None:
+    """What it believed before counts with it: the team's belief, or a mean of that and its own."""
+    team_joint, own = limited(), began((0.0, 0.0), 9.0)
+    for tick in range(30):
+        told = own if tick == 0 else team_joint.joint.moments(LIAR)
+        told = Moments(told.mean, (1 - share) * told.covariance + share * own.covariance)
+        matrix = np.zeros((STATES, STATES))
+        matrix[AXES, AXES] = np.linalg.inv(told.covariance[AXES, AXES])
+        increment = Increment(told.mean, matrix, np.zeros(STATES)) if tick else None
+        travelled = Motion(dt=0.2 * tick, moving=0.2 * tick)
+        team_joint.settle(tick, 0.2, [Evidence(LIAR, 0, tick, travelled, Nuisance(), told, increment, time=0.2 * tick)])
+    assert np.linalg.eigvalsh(team_joint.marginal(LIAR).covariance)[0] > 0.9 * 9.0
+
+
+def test_what_a_robot_gained_counts_where_it_believes_as_much() -> None:
+    team_joint, information = limited(), 1.0
+    for tick in range(10):
+        belief = began((0.0, 0.0), 1.0 / information)
+        increment = claim(1.0, 1.0, 0.0) if tick else None
+        travelled = Motion(dt=0.2 * tick, moving=0.2 * tick)
+        team_joint.settle(
+            tick, 0.2, [Evidence(LIAR, 0, tick, travelled, Nuisance(), belief, increment, time=0.2 * tick)]
+        )
+        assert team_joint.marginal(LIAR).covariance == pytest.approx(
+            max(1 / information, SHARPEST**2) * np.eye(2), rel=1e-3
+        )
+        information += 1.0
+
+
 @settings(deadline=None, max_examples=60)
 @given(SURE, SURE, st.floats(0.01, 30), st.lists(SURE, max_size=3))
 def test_no_sighting_tells_a_place_better_than_the_sharpest_sensor(
