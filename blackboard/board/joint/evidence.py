@@ -108,6 +108,8 @@ def reason(verdict: Verdict) -> str:
     """Why evidence was not multiplied in, for people."""
     if verdict.outvoted_by:
         return f"contradicted by {names(verdict.outvoted_by)}"
+    if verdict.kind == "echo":
+        return "it says more of its own place than its belief gained"
     most = quantile(GATE, verdict.freedom)
     if verdict.squared > most:
         what = {"relative": "sighting", "compass": "compass"}.get(verdict.kind, "own place")

@@ -61,12 +61,13 @@ def end_of_tick(news: Iterable[Evidence]) -> float:
 class Verdict:
     """What the gate said of one piece of evidence: its squared Mahalanobis distance, the degrees of freedom, taken or not.
 
-    `outvoted_by` are the members of a coalition that left it out, sorted.
+    `outvoted_by` are the members of a coalition that left it out, sorted. An `echo` is an increment that says more than its robot's
+    belief gained: it is left out before any gate.
     """
 
     source: str
     subject: str
-    kind: Literal["increment", "compass", "relative"]
+    kind: Literal["increment", "compass", "relative", "echo"]
     squared: float
     freedom: int
     taken: bool

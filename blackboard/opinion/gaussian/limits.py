@@ -102,6 +102,16 @@ class Limits(Copyable):
             alone = self._alone[robot]
             correct(alone, heading_factor(alone, robot, reading.heading - reading.bias, math.sqrt(reading.variance)))
 
+    def gained(self, robot: str, increment: Increment | None, told: Moments | None) -> Increment | None:
+        """The same increment; None where it says more than the robot's belief gained. `told` is that belief after it."""
+        believed = self._believed.pop(robot, None)
+        if self.sharpest and told is not None:
+            self._believed[robot] = _joint(robot, told)
+        if increment is None or told is None or believed is None or robot not in self._alone:
+            return increment
+        after = _multiplied(believed, robot, increment, 1.0)
+        return None if _is_sharper(after, robot, [NEARLY * told.covariance[AXES, AXES]]) else increment
+
     def increment(
         self, robot: str, increment: Increment | None, variance: float, told: Moments | None = None
     ) -> Increment | None:
@@ -110,15 +120,8 @@ class Limits(Copyable):
         `variance` is what was learned of the noise of the robot's increments, relative to what it claims; `told` is the first-hand
         belief that it tells after this increment.
         """
-        believed = self._believed.pop(robot, None)
-        if self.sharpest and told is not None:
-            self._believed[robot] = _joint(robot, told)
         if increment is None or robot not in self._alone:
             return increment
-        if told is not None and believed is not None:
-            after = _multiplied(believed, robot, increment, 1.0)
-            if _is_sharper(after, robot, [NEARLY * told.covariance[AXES, AXES]]):
-                return None
         before, least = self._alone[robot], variance * self.sharpest**2 * np.eye(2)
         floors = [least] if told is None else [least, ROUGHLY * told.covariance[AXES, AXES]]
         share, too_much = 1.0, 1.0

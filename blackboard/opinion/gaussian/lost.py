@@ -61,6 +61,7 @@ class Lost:
         pieces = [
             (verdict.source, verdict.subject, str(verdict.kind), verdict.squared, verdict.freedom)
             for verdict in verdicts
+            if verdict.kind != "echo"
         ]
         pieces += [(robot, robot, "own", squared, 2) for robot, squared in own.items()]
         for source, subject, kind, squared, freedom in pieces:

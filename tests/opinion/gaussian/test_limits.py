@@ -80,7 +80,9 @@ def test_who_tells_as_its_own_gain_what_the_team_believes_of_it_makes_that_no_su
         matrix[AXES, AXES] = np.linalg.inv(told.covariance[AXES, AXES])
         increment = Increment(told.mean, matrix, np.zeros(STATES)) if tick else None
         travelled = Motion(dt=0.2 * tick, moving=0.2 * tick)
-        team_joint.settle(tick, 0.2, [Evidence(LIAR, 0, tick, travelled, Nuisance(), told, increment, time=0.2 * tick)])
+        said = Evidence(LIAR, 0, tick, travelled, Nuisance(), told, increment, time=0.2 * tick)
+        verdicts = team_joint.settle(tick, 0.2, [said])
+        assert [(verdict.kind, verdict.taken) for verdict in verdicts] == [("echo", False)] * (tick > 0)
     assert np.linalg.eigvalsh(team_joint.marginal(LIAR).covariance)[0] > 0.9 * 9.0
 
 
