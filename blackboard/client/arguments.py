@@ -60,6 +60,10 @@ class Call:
     def sigma(self, name: str, value: Any) -> float | None:
         return None if value is None else self.number(name, value, least=LEAST)
 
+    def noise(self, name: str, value: Any) -> float | None:
+        """A sigma of what was driven; 0 where the robot stands."""
+        return None if value is None else self.number(name, value, least=0.0)
+
     def numbers(self, name: str, value: Any, shape: tuple[int, ...]) -> Any:
         numbers = self._floats(value)
         if numbers.shape != shape or not np.isfinite(numbers).all() or np.abs(numbers).max() > LARGEST:

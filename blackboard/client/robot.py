@@ -89,8 +89,8 @@ class Robot(Membership):
             distance=known.number("distance", distance),
             turn=known.turn("turn", turn),
             dt=known.number("dt", dt, least=LEAST),
-            distance_sigma=known.sigma("distance_sigma", distance_sigma),
-            turn_sigma=known.sigma("turn_sigma", turn_sigma),
+            distance_sigma=known.noise("distance_sigma", distance_sigma),
+            turn_sigma=known.noise("turn_sigma", turn_sigma),
             aside=known.number("aside", aside),
         )
         if abs(moved.aside) > abs(moved.distance) and self._joined is not None and not self._joint:
@@ -110,7 +110,7 @@ class Robot(Membership):
         known = Call("moved_to")
         x, y, heading = known.numbers("pose", pose, (3,))
         seconds = known.number("dt", dt, least=0.0)
-        sigmas = known.sigma("distance_sigma", distance_sigma), known.sigma("turn_sigma", turn_sigma)
+        sigmas = known.noise("distance_sigma", distance_sigma), known.noise("turn_sigma", turn_sigma)
         with self._lock:
             last, self._place = self._place, (x, y, heading)
         if last is not None and seconds < LEAST and last[:2] != (x, y):

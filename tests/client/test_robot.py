@@ -127,6 +127,17 @@ def test_a_sighting_near_a_wall_and_far_behind_it_is_no_exception(endpoint: str)
             robot.odometry(0.3, 0.0, 0.1)  # through the wall
 
 
+def test_the_sigmas_of_a_robot_that_stands_may_be_0_as_those_that_grow_with_its_way(endpoint: str) -> None:
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        robot.fix((2.0, 3.0), 0.1, 0.0, 0.02)
+        for distance in (0.0, 0.1, 0.0):
+            assert robot.step() is not None
+            robot.odometry(distance, 0.0, 0.1, 0.1 * math.sqrt(distance), 0.0)
+        pose = robot.step()
+        assert pose is not None
+        assert np.linalg.eigvalsh(pose.covariance)[0] > 0
+
+
 WRONG: list[tuple[Callable[[Robot], object], str]] = [
     (lambda r: r.odometry(NAN, 0, 0.1), r"odometry\(distance=nan\): give a finite number"),
     (lambda r: r.odometry(0, -1e300, 0.1), r"odometry\(turn=-1e\+300\): is larger than 1e\+12, .* another unit"),
