@@ -13,7 +13,7 @@ if they went on as before. Then one of the two has changed what it says: the dis
 once as many as `CERTAIN` say so. A robot that lies now and then is not believed in between, unless it is honest for that long.
 
 A robot that has seen nothing to correct its place for long goes by its odometry alone. Where that is worse than the robot knows, it
-contradicts its mates and is honest; they are what corrects it. So it is held against nobody meanwhile.
+contradicts its mates and is honest; they are what corrects it. So nothing is held against it or by it meanwhile.
 """
 
 import math
@@ -144,7 +144,7 @@ class Contacts(Copyable):
         """Whether two robots can hardly both be honest, by all that both spoke of lately."""
         first, second = sorted((one, other))
         contact = self._pairs.get((first, second))
-        return contact is not None and contact.contradicts
+        return contact is not None and contact.contradicts and not any(map(self.is_reckoned, (one, other)))
 
     def left_out(self, doubted: Collection[str] = ()) -> frozenset[str]:
         """The robots that more others contradict than confirm, and by more than is so of each of those who contradict them.
@@ -157,6 +157,7 @@ class Contacts(Copyable):
         pairs = {
             pair: contact.contradicts
             for pair, contact in self._pairs.items()
+            if not any(map(self.is_reckoned, pair))
             if contact.contradicts or all(self._ages[pair] <= parted.get(robot, math.inf) for robot in pair)
         }
         while True:

@@ -157,6 +157,25 @@ def test_a_robot_that_goes_by_its_odometry_is_none_until_it_is_corrected() -> No
     assert not contacts.is_reckoned("nobody")
 
 
+@pytest.mark.parametrize("reckons", ["one", "other"])
+def test_an_earlier_contradiction_is_held_against_nobody_while_one_of_the_two_goes_by_its_odometry_alone(
+    reckons: str,
+) -> None:
+    """What the other one sees of it is what corrects it, and it is no evidence against the other one."""
+    contacts, there = Contacts(), own(np.zeros(2))
+    contacts.judge({"one": own(np.array([30.0, 0.0])), "other": there, "third": there})
+    assert contacts.left_out() == {"one"}
+    assert contacts.contradict("one", "other")
+    for sigma in (1.0, 3.0):
+        contacts.correct(reckons, believed(sigma), None)
+    assert not contacts.contradict("one", "other")
+    assert contacts.contradict("one", "third") == (reckons == "other")
+    assert contacts.left_out() == frozenset()
+    corrected(contacts, reckons, 0.1)
+    assert contacts.contradict("one", "other")
+    assert contacts.left_out() == {"one"}
+
+
 def test_a_copy_knows_who_goes_by_odometry_alone_and_changes_nothing_of_the_original() -> None:
     """A board goes back to a copy where somebody's numbers break a tick."""
     contacts = Contacts()
