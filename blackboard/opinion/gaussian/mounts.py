@@ -187,8 +187,11 @@ def turn_with(joint: Joint, robot: str, reading: CompassReading, *errors: Mount)
     The belief of the robot takes these for `CompassReading.bias`.
     """
     at, tie = joint.blocks[robot].start + HEADING, max(-1.0, min(reading.tie, 1.0))
-    by = np.eye(len(joint.mean))
+    row, mean, covariance = np.zeros(len(joint.mean)), joint.mean.copy(), joint.covariance.copy()
+    row[at] = 1.0
     for error in errors:
-        by[at, joint.blocks[error.block]] = tie
-    joint.mean[at] = by[at] @ joint.mean - tie * reading.bias
-    joint.covariance = by @ joint.covariance @ by.T
+        row[joint.blocks[error.block]] = tie
+    cross = row @ joint.covariance
+    mean[at], cross[at] = row @ joint.mean - tie * reading.bias, cross @ row
+    covariance[at], covariance[:, at] = cross, cross
+    joint.mean, joint.covariance = mean, covariance

@@ -82,6 +82,7 @@ def test_a_heading_that_rests_on_a_compass_is_what_a_reading_tells_a_robot_of_wh
         joint.update(Factor(known[0], {errors: known[1], north.block: known[2]}, np.array([[0.001]])))
     turn_with(entered, ROBOT, CompassReading(read, SIGMA, bias=bias, tie=-1.0), mount, north)
     told.update(reading_factor(told, ROBOT, CompassReading(read, SIGMA), mount, north))
+    assert (entered.covariance == entered.covariance.T).all()
     assert entered.mean == pytest.approx(told.mean, abs=1e-5)
     assert entered.covariance == pytest.approx(told.covariance, abs=1e-5)
 
