@@ -20,9 +20,9 @@ MOST = 16  # landmarks that a sighting may be of; where there are more, the robo
 REACH = 6.0  # sigmas of place, heading and sighting together, beyond which a landmark is not tried
 MIN_RANGE = 0.1  # unit: nearer, a blur across the line of sight is told as if it was there
 MARGIN = 5.0  # unit around the map, in which what is none of its landmarks may stand
-LOST = 5  # ticks in a row in which most sightings of landmarks were beyond the gate, at least: the robot is not where it believes
-FEWEST = 8  # sightings in those ticks, of which `LOST` of one landmark count: it may not be where the map has it
-KEPT = 50  # ticks
+LOST = 5  # ticks in a row, at least, with landmarks beyond the gate, before the robot counts as lost
+FEWEST = 8  # sightings in these ticks, at least. Of one landmark `LOST` count: the map may have it at a wrong place
+KEPT = 50  # ticks that are kept
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Named:
 
 @dataclass
 class Misses:
-    """Mutable; `on_tick` with each tick in which landmarks were seen. How far back is looked depends on how many are in view."""
+    """Mutable; call `on_tick` for each tick with landmarks. The fewer are in view, the more ticks are judged together."""
 
     #: What was seen in the last ticks in a row with sightings beyond the gate, and how many of these there were.
     _ticks: list[tuple[Sequence[tuple[str, str]], int]] = field(default_factory=list)

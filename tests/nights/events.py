@@ -99,9 +99,8 @@ class Stepped(Event):
     before: Joint
     after: Joint
     unnamed: Sequence[Unnamed]  # what it made of the sightings without a name
-    outvoted: Collection[
-        str
-    ] = ()  # robots that two or more others' evidence has elsewhere than the joint had, beyond 99.9 %
+    #: Robots that the evidence of two or more others puts elsewhere than the joint does, beyond 99.9 %.
+    outvoted: Collection[str] = ()
     verdicts: Sequence[Verdict] = ()
     silent: int = 0  # sightings that said nothing, until then
 

@@ -281,7 +281,7 @@ class SightingsAreJudged(Oracle):
                 if sighting.observer == said.robot != sighting.subject and sighting.subject in event.after
             )
             mates = [mate for mate in {*owed, *seen} if mate.startswith("robot/") and not is_class(mate)]
-            # what is seen now may be judged with what its observer tells next
+            # a sighting of this step may wait, and be judged in its observer's next step
             left = {mate: owed[mate] - judged[said.robot, mate] for mate in mates}
             if (lost := max(left.values(), default=0)) > event.silent and said.robot in event.before:
                 mate = max(left, key=left.__getitem__)

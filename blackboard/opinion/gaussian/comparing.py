@@ -14,7 +14,7 @@ from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.mounts import USUAL, Mount, compass_of, reading_factor, turn_with
+from blackboard.opinion.gaussian.mounts import USUAL, Mount, compass_of, correct_heading, reading_factor
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
@@ -113,7 +113,7 @@ def _add(team: TeamState, evidence: Evidence, belief: Moments) -> None:
         if evidence.compass is not None:
             mount = _compass(team, evidence)
             team.joint.begin({error.block: error.known(team.joint) for error in (mount, team.north)})
-            turn_with(team.joint, evidence.robot, evidence.compass, mount, team.north)
+            correct_heading(team.joint, evidence.robot, evidence.compass, mount, team.north)
 
 
 def _returned(team: TeamState, evidence: Evidence) -> Moments | None:

@@ -6,8 +6,8 @@ A claimed covariance says nothing about the truth. So a board holds three things
 - all that a robot says of itself: its increments are multiplied into a filter of its own (`alone`), whose place is never known better,
   however often they come and however little it claims that its motion adds; nor much better than the belief that it tells beside
   them, which `contacts` holds against its mates': of an honest robot the two are the same but for where they linearise.
-  An increment that says more than the belief gained since the one before is none (`NEARLY`): who tells as its own what the team
-  believes would else hear that again, twice as sure each tick;
+  An increment that is more than the belief gained since the robot's last report does not count (`NEARLY`). Else a robot that tells
+  the team's belief as its own evidence makes the team twice as sure in each tick;
 - the belief with which it enters: no sharper, and after `ENTRIES` beginnings in a row wider, as `RENEWAL` says. Its mates keep what
   they learned from the epochs before, so a robot that begins anew each tick would count once for each. Nor does who begins again
   know more than it said before, or than two of its mates say of themselves. Where the team's sensors tell less than the sharpest
@@ -38,8 +38,8 @@ ENTRIES = 3.0  # beginnings in a row that count in full: a start, a restart, and
 RENEWAL = 60.0  # seconds until one more does
 HALVINGS = 20  # of the share of an increment that is sought
 ROUGHLY = 0.5  # share of the variance of the belief that a robot tells, which its increments together may leave
-#: The same of one increment and the belief before it, moved on. It is 1 of simulated robots, and was above 0.8 of nearly all in the
-#: field's tests; of who gains all that it believes it is near 0.5.
+#: The same share for the last belief, predicted, and one increment. It is 1 for simulated robots, and above 0.8 for nearly all in
+#: the field's tests. For a robot that tells all that it believes as new evidence it is about 0.5.
 NEARLY = 0.7
 LEAST = 1e-4  # share of a beginning that always counts, so that its covariance is a number
 
@@ -50,7 +50,9 @@ class Limits(Copyable):
 
     sharpest: float = 0.0
     _alone: dict[str, Joint] = field(default_factory=dict)  # robot -> what it alone says of itself
-    _believed: dict[str, Joint] = field(default_factory=dict)  # robot -> what it told last that it believes, moved on
+    _believed: dict[str, Joint] = field(
+        default_factory=dict
+    )  # robot -> the belief that it told last, predicted by its motion
     _entries: dict[str, float] = field(default_factory=dict)  # robot -> beginnings that would count in full
 
     def copy(self) -> Self:
@@ -89,7 +91,7 @@ class Limits(Copyable):
         return min(before, sorted(least.values())[1]) if len(least) > 1 else 0.0
 
     def drive(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
-        """Move a robot by what it says of itself. Who tells no motion may have gone anywhere from where it believed to be."""
+        """Predict a robot by the motion that it tells. One that tells none may have moved unmeasured: its last belief is dropped."""
         if not motion.moving:
             self._believed.pop(robot, None)
         for own in (self._alone, self._believed):
@@ -103,7 +105,7 @@ class Limits(Copyable):
             correct(alone, heading_factor(alone, robot, reading.heading - reading.bias, math.sqrt(reading.variance)))
 
     def gained(self, robot: str, increment: Increment | None, told: Moments | None) -> Increment | None:
-        """The same increment; None where it says more than the robot's belief gained. `told` is that belief after it."""
+        """The increment, or None if it is more than the robot's belief gained since its last report. `told`: that belief, after it."""
         believed = self._believed.pop(robot, None)
         if self.sharpest and told is not None:
             self._believed[robot] = _joint(robot, told)

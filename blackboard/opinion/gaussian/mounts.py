@@ -181,10 +181,10 @@ def add_with_heading(joint: Joint, mount: Mount, prior: Moments, tie: float) -> 
     joint.add(mount.block, Moments(prior.mean, np.array([[own - rows[0, HEADING] * tied]])), {mount.robot: rows})
 
 
-def turn_with(joint: Joint, robot: str, reading: CompassReading, *errors: Mount) -> None:
-    """Correct the heading with which a robot enters by the errors of its compass that are known; it is as unsure as these.
+def correct_heading(joint: Joint, robot: str, reading: CompassReading, *errors: Mount) -> None:
+    """Correct the heading with which a robot enters by the errors of its compass that a joint has, and correlate it with them.
 
-    The belief of the robot takes these for `CompassReading.bias`.
+    The belief with which it enters assumed that they sum to `CompassReading.bias`.
     """
     at, tie = joint.blocks[robot].start + HEADING, max(-1.0, min(reading.tie, 1.0))
     row, mean, covariance = np.zeros(len(joint.mean)), joint.mean.copy(), joint.covariance.copy()

@@ -128,7 +128,7 @@ class TeamState(Copyable):
     refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     #: Robot -> states of its block whose prior was contradicted and replaced by a wide one (`priors`).
     widened: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    #: Robot -> its block when it entered, with the lasting errors that it would have now if nothing had been seen since.
+    #: Robot -> its block when it entered; its lasting errors are predicted since then, as if nothing had been measured.
     entered: dict[str, Moments] = field(default_factory=dict)
     north: Mount = field(default_factory=north_of)  # the common error of all compasses
     compasses: dict[str, Mount] = field(default_factory=dict)  # of robots that tell readings: how they are mounted
@@ -151,7 +151,7 @@ class TeamState(Copyable):
         return other
 
     def drop(self, subject: str, *, again: bool = False) -> None:
-        """Forget a subject, and the lasting errors of what it saw and of sightings of it; of who enters `again` not its compass's."""
+        """Forget a subject, and the lasting errors of its sightings and of those of it. If it enters `again`, its compass's stay."""
         self.influence.drop(subject)
         self.strayed.forget(subject)
         self.widened.pop(subject, None)
@@ -376,8 +376,8 @@ class TeamState(Copyable):
         ]
         return max(found, key=lambda one: one[1].beyond, default=None)
 
-    def let_entered_walk(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
-        """Predict what was known of a robot's lasting errors when it entered: scales walk, and what is seen is compared with that."""
+    def predict_entered(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
+        """Predict the lasting errors with which a robot entered: scales are random walks. `widen_priors` compares with these."""
         if robot in self.entered:
             alone = Joint.of({robot: self.entered[robot]})
             drive(alone, robot, Motion(dt=motion.dt, moving=motion.moving), nuisance)

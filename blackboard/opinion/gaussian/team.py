@@ -100,7 +100,7 @@ class TeamJoint(TeamState):
         for robot, evidence in news.items():
             known = self.known[robot]
             motion = evidence.travelled.since(known.travelled).after(known.motion, evidence.time - known.time)
-            self.let_entered_walk(robot, motion, evidence.nuisance)
+            self.predict_entered(robot, motion, evidence.nuisance)
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
             told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance, evidence.camera
             self.known[robot] = Known(known.epoch, *told)

@@ -161,7 +161,7 @@ def test_a_robot_that_goes_by_its_odometry_is_none_until_it_is_corrected() -> No
 def test_an_earlier_contradiction_is_held_against_nobody_while_one_of_the_two_goes_by_its_odometry_alone(
     reckons: str,
 ) -> None:
-    """What the other one sees of it is what corrects it, and it is no evidence against the other one."""
+    """Sightings by the other robot are what corrects dead reckoning, and dead reckoning is no evidence against the other robot."""
     contacts, there = Contacts(), own(np.zeros(2))
     contacts.judge({"one": own(np.array([30.0, 0.0])), "other": there, "third": there})
     assert contacts.left_out() == {"one"}

@@ -71,7 +71,7 @@ def test_nor_much_more_than_the_belief_that_it_tells_beside_it(said: list[Increm
 
 @pytest.mark.parametrize("share", [0.0, 0.2])
 def test_who_tells_as_its_own_gain_what_the_team_believes_of_it_makes_that_no_surer(share: float) -> None:
-    """What it believed before counts with it: the team's belief, or a mean of that and its own."""
+    """It tells as its belief that of the team, or a weighted mean of that and its own."""
     team_joint, own = limited(), began((0.0, 0.0), 9.0)
     for tick in range(30):
         told = own if tick == 0 else team_joint.joint.moments(LIAR)

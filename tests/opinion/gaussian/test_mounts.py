@@ -17,9 +17,9 @@ from blackboard.opinion.gaussian.mounts import (
     CompassReading,
     add_with_heading,
     compass_of,
+    correct_heading,
     north_of,
     reading_factor,
-    turn_with,
 )
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
@@ -71,7 +71,7 @@ def test_an_error_that_the_heading_rests_on_leaves_the_robot_as_it_was(own: floa
 def test_a_heading_that_rests_on_a_compass_is_what_a_reading_tells_a_robot_of_whose_heading_nothing_is_known(
     read: float, bias: float, seed: int
 ) -> None:
-    """Whatever is known of the error of its compass and of the common one; the robot took `bias` for it."""
+    """Whatever the joint knows of the errors of one compass and of all. The robot assumed that they sum to `bias`."""
     chance, mount, north = np.random.default_rng(seed), compass_of(ROBOT, 0.05), north_of()
     errors, variance = mount.block, SIGMA**2
     entered, told = standing(read - bias, variance), standing(0.0, 1e6)
@@ -80,7 +80,7 @@ def test_a_heading_that_rests_on_a_compass_is_what_a_reading_tells_a_robot_of_wh
     known = [chance.normal(0.0, 0.1, 1), chance.uniform(0.0, 1.0, (1, 1)), chance.uniform(0.0, 1.0, (1, 1))]
     for joint in (entered, told):
         joint.update(Factor(known[0], {errors: known[1], north.block: known[2]}, np.array([[0.001]])))
-    turn_with(entered, ROBOT, CompassReading(read, SIGMA, bias=bias, tie=-1.0), mount, north)
+    correct_heading(entered, ROBOT, CompassReading(read, SIGMA, bias=bias, tie=-1.0), mount, north)
     told.update(reading_factor(told, ROBOT, CompassReading(read, SIGMA), mount, north))
     assert (entered.covariance == entered.covariance.T).all()
     assert entered.mean == pytest.approx(told.mean, abs=1e-5)
@@ -88,7 +88,7 @@ def test_a_heading_that_rests_on_a_compass_is_what_a_reading_tells_a_robot_of_wh
 
 
 def test_a_robot_that_enters_again_has_the_compass_that_it_had() -> None:
-    """What is known of its error stays known, and the heading that it tells rests on it."""
+    """The board keeps its estimate of the error of the compass, and corrects by it the heading with which the robot enters."""
     team, chance, pair = TeamJoint(), np.random.default_rng(3), ("robot/r1", "robot/r2")
     places, entries = {robot: PLACES[robot] for robot in pair}, 0
     for tick in range(80):
@@ -168,10 +168,14 @@ def test_a_reading_far_from_what_is_believed_is_left_out_and_named_and_a_robot_t
 
 @pytest.mark.parametrize("sigma", [1e-6, 1e3])
 @pytest.mark.parametrize("read", [0.0, 1e3])
-def test_no_reading_ends_a_joint(sigma: float, read: float) -> None:
+@pytest.mark.parametrize("bias", [0.0, -1e3])
+@pytest.mark.parametrize("tie", [0.0, 1e300, -1e300])
+def test_no_reading_ends_a_joint(sigma: float, read: float, bias: float, tie: float) -> None:
     team = TeamJoint()
     for tick in range(10):
-        team.settle(tick, 1.0, [told(tick, read, sigma)])
+        said = told(tick, read, sigma)
+        assert said.compass is not None
+        team.settle(tick, 1.0, [replace(said, compass=replace(said.compass, bias=bias, tie=tie))])
     assert np.isfinite(team.pose(ROBOT).mean).all()
     assert (np.linalg.eigvalsh(team.joint.covariance) > -1e-9).all()
 

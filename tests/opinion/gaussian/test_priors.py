@@ -83,7 +83,7 @@ def test_a_state_of_which_nothing_was_seen_is_not_contradicted_and_each_once() -
 
 
 def is_accused(seed: int, walk: float, learned: float = 0.02) -> bool:
-    """Whether a robot is, whose scale it had `learned` so well (sigma) when it entered, and has walked since as its model says."""
+    """Whether a robot is accused that knew its scale to a sigma of `learned` when it entered. The scale walks as its model says."""
     rng, team, travelled = np.random.default_rng(seed), TeamJoint(), Motion()
     nuisance = replace(NARROW, walks=(walk,))
     block = entering(POSE, nuisance)
