@@ -257,7 +257,7 @@ def _least_share(one: Joint, other: Joint, robot: str) -> float:
 class SightingsAreJudged(Oracle):
     """Each named sighting of a mate that is settled is judged, taken or not, in that step or in the next one of its observer.
 
-    Or it counts as saying nothing. Not asked of who begins an epoch, nor of a mate that is not in the joint.
+    Or it counts as saying nothing. Not asked of who begins an epoch, nor of an observer or a mate that is not in the joint.
     """
 
     sees = (Stepped,)
@@ -286,4 +286,6 @@ class SightingsAreJudged(Oracle):
             if (lost := max(left.values(), default=0)) > event.silent and said.robot in event.before:
                 mate = max(left, key=left.__getitem__)
                 self.breaks(event.at, f"{event.process} judges {lost} sightings of {mate} by {said.robot} in no step")
+            # who is not in the joint has settled nothing: a board that starts afresh forgets what it has heard
+            mates = mates if said.robot in event.after else []
             self._owed[event.board, said.robot] = said.epoch, Counter({mate: left[mate] + seen[mate] for mate in mates})
