@@ -77,7 +77,8 @@ class NothingIsFromLater(Oracle):
         two = any(isinstance(fault, SecondWorld) for fault in night.faults)
         self._is_asked = night.team.mode != "free" and night.is_honest and not two
         self._services: dict[str, Service] = {}  # by process
-        self._clocks: dict[str, tuple[float, float]] = {}  # run -> when its newest Clock was said, and its team time
+        self._goes_on = night.team.mode == "realtime"  # without a Clock
+        self._clocks: dict[str, tuple[float, float]] = {}  # run -> when the Clock farthest ahead was said, and its time
 
     def see(self, event: Event) -> None:
         if isinstance(event, Began):
@@ -85,7 +86,10 @@ class NothingIsFromLater(Oracle):
         elif self._is_asked and isinstance(event, Said):
             message = event.message
             if isinstance(message, Clock) and event.process == "world":
-                self._clocks[message.run] = event.at, message.time
+                at, time = self._clocks.get(message.run, (event.at, message.time))
+                # what was told while a world was frozen is from later than its next Clock
+                if not self._goes_on or message.time - event.at >= time - at:
+                    self._clocks[message.run] = event.at, message.time
             elif isinstance(message, Consensus):
                 self._judge(event, message.subject, message.ancestors)
             elif isinstance(message, Report) and message.informed is not None:
@@ -97,7 +101,7 @@ class NothingIsFromLater(Oracle):
         if run not in self._clocks:
             return
         at, time = self._clocks[run]
-        latest = time + (event.at - at if self.night.team.mode == "realtime" else 0.0)
+        latest = time + (event.at - at if self._goes_on else 0.0)
         for robot, then in ancestors.items():
             if then > latest + self._future + ROUNDED:
                 self.breaks(
