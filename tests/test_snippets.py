@@ -113,7 +113,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("pip install", NotRun("tests/tape/test_door.py and tests/system/test_tape.py run the same commands on small tapes")),
     ),
     "research.md": (("blackboard demo", RESEARCH), ("import pandas", RESEARCH), ("blackboard sweep", RESEARCH)),
-    "robots.md": (("blackboard router", ROBOTS), *[("", ROBOTS)] * 4),
+    "robots.md": (("[team]", ROBOTS), ("blackboard router", ROBOTS), *[("", ROBOTS)] * 4),
     "ros2.md": (
         (".venv/bin/pip install", NotRun("an installation; tests/other/test_ros.py needs what it installs")),
         ("blackboard demo", NotRun("a node of ROS 2; tests/other/test_ros.py runs both with one in Rust")),

@@ -125,8 +125,9 @@ class Grounds(Robots):
 
     They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts. A share of `wild` sightings is of anywhere
     in view, and their ranges are `longer` by this factor, their bearings `askew` by an angle (radians). Odometry measures `less`:
-    these shares of ways and of turns. Robots have a `compass` that reads this angle too much, if any, and antennas so far `ahead`. Wheels are `dead` from and until a time (s): they measure nothing while
-    the robot drives on. The filters beside the team get the right ranges and odometry.
+    these shares of ways and of turns. Robots have a `compass` that reads this angle too much, if any, and antennas so far `ahead`.
+    Wheels are `dead` from and until a time (s): they measure nothing while the robot drives on. The filters beside the team get the
+    right ranges and odometry.
     """
 
     def __init__(

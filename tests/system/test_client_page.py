@@ -15,20 +15,24 @@ from tests.processes import program
 PAGE = (ROOT / "docs" / "client.md").read_text(encoding="utf-8")
 
 
-def blocks(page: str) -> list[str]:
-    return re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+def blocks(page: str, language: str = "python") -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
 
 
 @pytest.mark.parametrize("name", ["client.md", "robots.md"])
-def test_every_line_of_the_page_does_what_it_says(name: str) -> None:
+def test_every_line_of_the_page_does_what_it_says(name: str, tmp_path: Path) -> None:
     text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    scenario = tmp_path / "my-team.toml"
+    scenario.write_text("".join(blocks(text, "toml")), encoding="utf-8")
     commands = re.findall(r"^    blackboard (.+)$", text, re.MULTILINE)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     assert [command.split()[0] for command in commands] == ["router", "serve"]
     page = "\n".join(blocks(text)).replace("tcp/127.0.0.1:7447", endpoint)
     with ExitStack() as running:
         for command in commands:
-            arguments = shlex.split(command.replace("tcp/127.0.0.1:7447", endpoint))
+            arguments = shlex.split(
+                command.replace("tcp/127.0.0.1:7447", endpoint).replace(scenario.name, str(scenario))
+            )
             running.enter_context(program("-m", "blackboard", *arguments)).says("ready")
         client = running.enter_context(program("-c", page))
         assert client.ends() == 0, client.err
