@@ -420,7 +420,7 @@ function drawNumbers(header) {
     rows.push(["at", belief.mean.map((x) => x.toFixed(1)).join(", ")], ["entropy", `${belief.entropy.toFixed(2)} nats`],
       ["95 % region", `${Number(belief.area.toPrecision(3))} ${unit}²`]);
     if (score) rows.push(["error", `${score.error.toFixed(2)} ${unit}`, !score.inside], ["truth is", score.inside ? "inside" : "outside", !score.inside]);
-    if (it.heading) rows.push(["heads", `${(it.heading[0] * 180 / Math.PI).toFixed(0)}°, give or take ${(it.heading[1] * 180 / Math.PI).toFixed(2)}`]);
+    if (it.heading) rows.push(["heads", `${(it.heading[0] * 180 / Math.PI).toFixed(0)}°, give or take ${(it.heading[1] * 180 / Math.PI).toFixed(2)}°`]);
     if (it.velocity) rows.push(["moves at", `${Math.hypot(...it.velocity).toFixed(2)} ${unit}/s`]);
     if (it.existence != null) rows.push(["is there with", `${(100 * it.existence).toFixed(1)} %`]);
     const unclear = (it.unnamed || []).filter((one) => !one[2] && one[1] >= 0.05);
