@@ -266,19 +266,25 @@ class Joint:
         """
         self._covariance.shear(to, by, factors)
 
-    def regression(self, state: int) -> Array:
-        """The regression coefficients of all states on one, by its index: its row of the covariance over its variance, shape (n,)."""
-        covariance = self.covariance[state]
-        return np.asarray(covariance / covariance[state])
+    def mean_of(self, states: int | Sequence[int]) -> tuple[float, float]:
+        """Mean and variance of one state, or of the mean of some, by their indices."""
+        at = np.atleast_1d(states)
+        return float(self.mean[at].mean()), float(self.covariance[np.ix_(at, at)].mean())
 
-    def widen(self, state: int, variance: float, moved: Array) -> None:
-        """Replace the variance of one state, by its index, by a larger one; all other covariances follow by regression on it.
+    def regression(self, states: int | Sequence[int]) -> Array:
+        """The regression coefficients of all states on one, or on the mean of some, by their indices: shape (n,)."""
+        at = np.atleast_1d(states)
+        covariance = self.covariance[at].mean(axis=0)
+        return np.asarray(covariance / covariance[at].mean())
 
-        The means of all states move by `moved`, shape (n,).
+    def widen(self, states: int | Sequence[int], variance: float, moved: Array) -> None:
+        """Replace the variance of one state, or of the mean of some, by their indices, by a larger one.
+
+        All other covariances follow by regression on it. The means of all states move by `moved`, shape (n,).
         """
-        coefficients = self.regression(state)
+        coefficients, (_, before) = self.regression(states), self.mean_of(states)
         self.mean = self.mean + moved
-        self.covariance = self.covariance + np.outer(coefficients, coefficients) * (variance - self.variances[state])
+        self.covariance = self.covariance + np.outer(coefficients, coefficients) * (variance - before)
 
     def decay(self, keep: Mapping[Block, float]) -> None:
         """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary variance of 1."""
