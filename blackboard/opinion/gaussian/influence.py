@@ -153,16 +153,17 @@ class Influence(Copyable):
         moved[:, enter], honest[:, enter], honest[:, :, enter] = 0.0, 0.0, 0.0
         return moved, honest
 
-    def after_shift(self, joint: Joint, robot: str, shift: Array, sigmas: Array) -> tuple[Array, Array]:
-        """D and C as they will be after all means have moved by `shift`, shape (n,), by evidence of `robot`.
+    def after_shift(self, joint: Joint, robots: Collection[str], shift: Array, sigmas: Array) -> tuple[Array, Array]:
+        """D and C as they will be after all means have moved by `shift`, shape (n,), by evidence of `robots`, in equal shares.
 
-        By evidence of an honest robot they move by `sigmas`, shape (n,), times one standard normal number.
+        By evidence of honest robots they move by `sigmas`, shape (n,), times one standard normal number.
         """
         self._follow(joint)
-        rows, row = joint.indices(self._places, 2).ravel(), self._sources.index(robot)
+        rows, share = joint.indices(self._places, 2).ravel(), 1 / len(robots)
         moved, honest = self._moved.copy(), self._honest.copy()
-        moved[row] += shift[rows]
-        honest[row] += np.outer(sigmas[rows], sigmas[rows])
+        for row in map(self._sources.index, robots):
+            moved[row] += share * shift[rows]
+            honest[row] += share**2 * np.outer(sigmas[rows], sigmas[rows])
         return moved, honest
 
     def beyond(self, joint: Joint, after: tuple[Array, Array]) -> set[tuple[str, str]]:

@@ -5,15 +5,22 @@ prior predictive check of Box (J. Royal Statistical Society A 143(4), 1980). Bey
 state gets the prior that it would have had if nothing had been known, with the sigma of `WIDE`. All else that is believed follows by
 what ties it to that state, as if it had been so from the start.
 
+Sensors of one kind often err alike: a wrong unit, or an antenna's delay. Where robots see each other, each is then held back by the
+priors of the others, and none is beyond the limit. So the mean of a state over robots of which the same was told is judged in the same
+way, with a prior variance of s^2 / n. No robot alone may be the reason: without any one of them it must still be beyond 99 %. Then
+the mean gets the wide prior, and by how much a robot differs from it keeps its own.
+
 Sources of `WIDE`: scales of wheels that slip sideways, 0.5 to 2 (Mandow et al., IROS 2007); a camera that was fastened by eye, 11
 degrees; a focal length from a data sheet, 20 %.
 """
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from blackboard.opinion.chi_squared import GATE, quantile
+import numpy as np
+
+from blackboard.opinion.chi_squared import DOUBT, GATE, quantile
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.vehicle import BEARING, FORWARD, RANGE, TURN, Nuisance, turn_ties
 from blackboard.opinion.grid import Array
@@ -21,6 +28,7 @@ from blackboard.opinion.grid import Array
 WIDE = {FORWARD: 0.5, TURN: 0.5, BEARING: 0.2, RANGE: 0.2}  # sigmas, of the bearing in radians
 SHOWN = 0.5  # times a sigma of `WIDE`: so well a state must be known with the wide prior, or else what is seen says little of it
 LEAST = 1e-6  # of a sigma: less is rounding
+FEWEST = 3  # robots whose common error is judged: without one of them two must still agree
 #: How boards call these states, and their units, among the parameters of a consensus.
 FOUND = {
     FORWARD: "way scale found",
@@ -56,7 +64,7 @@ def contradicted(
     for state, wide in WIDE.items():
         before, now = ((float(m.mean[state]), float(m.covariance[state, state])) for m in (entered, block))
         if state not in but and before[1] < wide**2:
-            judged.append((state, before, now, (_usual(nuisance, state), wide)))
+            judged.append((state, before, now, (usual(nuisance, state), wide)))
     return most_contradicted(judged)
 
 
@@ -70,6 +78,31 @@ def most_contradicted(judged: Iterable[Judged], doubt: float = 1.0) -> Contradic
     return worst
 
 
+def contradicted_alike(state: int, prior: Moments, now: Moments, wide: tuple[float, float]) -> Contradiction | None:
+    """The mean over robots of one lasting error, if it contradicts its prior, and no robot alone is the reason.
+
+    Without any one of them the mean must be beyond 99 %, always to the same side. What was seen must say as much of it as one robot's
+    prior: else it is multiplied by more than n + 1, with the errors of straight lines. The errors of n robots are as their `prior`
+    has them, and as they are believed `now`, shape (n,) and (n, n) each. `wide` is mean and sigma of the wide prior of their mean.
+    """
+    robots, limit, without = len(now.mean), quantile(GATE, 1), list[float]()
+    before, after = (_of_mean(errors, np.ones(robots)) for errors in (prior, now))
+    squared, mean, variance = by_wide_prior(before, after, wide)
+    if squared <= limit or after[1] > before[1] * robots / (robots + 1):
+        return None
+    for others in 1.0 - np.eye(robots):
+        before, after = _of_mean(prior, others), _of_mean(now, others)
+        without.append(math.copysign(by_wide_prior(before, after, wide)[0], after[0] - before[0]))
+    is_common = max(min(without), -max(without)) > quantile(DOUBT, 1)
+    return Contradiction(state, mean, variance, squared / limit) if is_common else None
+
+
+def _of_mean(errors: Moments, counted: Array) -> tuple[float, float]:
+    """Mean and variance of the mean of some errors: of those for which `counted`, shape (n,), is 1, and not 0."""
+    share = counted / counted.sum()
+    return float(share @ errors.mean), float(share @ errors.covariance @ share)
+
+
 def by_wide_prior(
     before: tuple[float, float], now: tuple[float, float], wide: tuple[float, float]
 ) -> tuple[float, float, float]:
@@ -79,24 +112,24 @@ def by_wide_prior(
     too little was seen for that, or it contradicts the wide prior, too.
     """
     (then, prior), (mean, left) = before, now
-    usual, sigma = wide
+    middle, sigma = wide
     if not LEAST**2 < left < prior:
         return 0.0, mean, left
     information = 1 / left - 1 / prior + 1 / sigma**2
-    led = (mean / left - then / prior + usual / sigma**2) / information
-    holds = (led - usual) ** 2 <= quantile(GATE, 1) * (sigma**2 - 1 / information)
+    led = (mean / left - then / prior + middle / sigma**2) / information
+    holds = (led - middle) ** 2 <= quantile(GATE, 1) * (sigma**2 - 1 / information)
     enough = information * (SHOWN * sigma) ** 2 > 1 and holds
     return (mean - then) ** 2 / (prior - left) if enough else 0.0, led, 1 / information
 
 
-def _usual(nuisance: Nuisance, state: int) -> float:
+def usual(nuisance: Nuisance, state: int) -> float:
     """The prior mean of a state; of all but the scales 0."""
     return {FORWARD: nuisance.forward, TURN: nuisance.turn}.get(state, 0.0)
 
 
-def widen(joint: Joint, state: int, variance: float, moved: Array) -> None:
+def widen(joint: Joint, states: int | Sequence[int], variance: float, moved: Array) -> None:
     """`Joint.widen`, where the errors of places are held in coordinates that turn with the heading's (`vehicle.correct`)."""
-    joint.widen(state, variance, moved)
+    joint.widen(states, variance, moved)
     turn_ties(joint, moved)
 
 

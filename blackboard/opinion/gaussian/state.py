@@ -1,7 +1,8 @@
 """What a joint holds of a team, and the steps that change it in one place: robots and objects enter, are moved, widened, dropped."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from statistics import median
@@ -29,11 +30,14 @@ from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
 from blackboard.opinion.gaussian.priors import (
     COMPASS_FOUND,
+    FEWEST,
     FOUND,
     WIDE,
     Contradiction,
     contradicted,
+    contradicted_alike,
     spread_of_means,
+    usual,
     widen,
 )
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
@@ -42,7 +46,7 @@ from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance, drive
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, FORWARD, HEADING, STATES, Motion, Nuisance, drive
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Array
 
@@ -350,20 +354,26 @@ class TeamState(Copyable):
     def widen_priors(self) -> None:
         """Replace priors of sensor errors (scales, camera direction) that sightings contradict by wide ones (`priors`), each once.
 
+        That may be the prior of one robot's error, or of the mean over robots that were told the same of a sensor.
         What contradicts one prior has moved the errors of mates, too. So the worst is replaced first, and the others judged after it.
         One robot alone cannot tell its errors from the motion of what it sees. Compasses are judged where odometry is believed.
         """
         self._widen_compass()
         while len(self.known) > 1 and (worst := self._most_contradicted()) is not None:
-            robot, error = worst
-            self.widened[robot] = (*self.widened.get(robot, ()), error.state)
-            with self.blaming(robot):
-                self._widen_prior(robot, self.joint.blocks[robot], error, WIDE[error.state])
+            robots, error = worst
+            for robot in robots:
+                self.widened[robot] = (*self.widened.get(robot, ()), error.state)
+            with self.blaming(robots[0]):
+                self._widen_prior(robots, self._states(robots, error.state), error, WIDE[error.state])
 
-    def _most_contradicted(self) -> tuple[str, Contradiction] | None:
-        """The robot and the error of its sensors whose prior is contradicted most."""
-        found = [
-            (robot, error)
+    def _states(self, robots: Sequence[str], state: int) -> list[int]:
+        """Where a state of the blocks of some robots stands in the joint."""
+        return [self.joint.blocks[robot].start + state for robot in robots]
+
+    def _most_contradicted(self) -> tuple[Sequence[str], Contradiction] | None:
+        """The robot and the error of its sensors whose prior is contradicted most, or the robots that have such an error alike."""
+        found: list[tuple[Sequence[str], Contradiction]] = [
+            ([robot], error)
             for robot in filter(self.knows, sorted(self.known))
             if (
                 error := contradicted(
@@ -374,7 +384,32 @@ class TeamState(Copyable):
                 )
             )
         ]
+        found += self._contradicted_alike()
         return max(found, key=lambda one: one[1].beyond, default=None)
+
+    def _contradicted_alike(self) -> Iterator[tuple[Sequence[str], Contradiction]]:
+        """Errors of sensors that robots of which the same was told have in common, and that contradict their priors together.
+
+        Where one of them was found to err alone, so may the others. Robots of one make are left out: their priors have a common part
+        already (`alike`), so each follows the others.
+        """
+        told = defaultdict[tuple[int, float, float], list[str]](list)
+        for robot in filter(self.knows, sorted(self.known)):
+            nuisance = self.known[robot].nuisance
+            for state, wide in WIDE.items():
+                sigma = nuisance.sigmas[state - FORWARD]
+                if 0 < sigma < wide and not nuisance.alike:
+                    told[state, usual(nuisance, state), sigma].append(robot)
+        for (state, middle, _), all_told in told.items():
+            robots = [robot for robot in all_told if self._is_heard(robot)]
+            is_new = not any(state in self.widened.get(robot, ()) for robot in all_told)
+            if is_new and len(robots) >= FEWEST:
+                at, entered = self._states(robots, state), [self.entered[robot] for robot in robots]
+                means, variances = zip(*((m.mean[state], m.covariance[state, state]) for m in entered), strict=True)
+                prior = Moments(np.array(means), np.diag(variances))
+                now = Moments(self.joint.mean[at], self.joint.covariance[np.ix_(at, at)])
+                if (error := contradicted_alike(state, prior, now, (middle, WIDE[state]))) is not None:
+                    yield robots, error
 
     def predict_entered(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
         """Predict the lasting errors with which a robot entered: scales are random walks. `widen_priors` compares with these."""
@@ -396,7 +431,7 @@ class TeamState(Copyable):
             worst, robot, mount = max(contradicted, key=lambda one: one[0].beyond)
             mount.found |= {worst.state}
             with self.blaming(robot):
-                self._widen_prior(robot, self.joint.blocks[mount.block], worst, mount.wide)
+                self._widen_prior([robot], [self.joint.blocks[mount.block].start + worst.state], worst, mount.wide)
 
     def found(self, robot: str) -> dict[str, float]:
         """The estimates of those sensor errors of a robot whose prior was contradicted, by name (`priors.FOUND`)."""
@@ -407,22 +442,25 @@ class TeamState(Copyable):
             found[COMPASS_FOUND] = float(mount.known(self.joint).mean[0] + self.north.known(self.joint).mean[0])
         return found
 
-    def _widen_prior(self, robot: str, block: slice, error: Contradiction, wide: float) -> None:
-        """A lasting error of a robot, in this block, gets the mean and variance of the wide prior; all else follows by regression.
+    def _widen_prior(self, robots: Sequence[str], at: Sequence[int], error: Contradiction, wide: float) -> None:
+        """The mean of some robots' lasting errors gets the mean and variance of the wide prior; all else follows by regression.
 
-        Where mates would move farther than an honest robot may move them (`influence`), only the robot itself moves.
+        The errors are at these indices. Where mates would move farther than an honest robot may move them (`influence`), only the
+        errors move, and a robot whose error it is alone.
         """
-        own, at = self.joint.blocks[robot], block.start + error.state
-        coefficients = self.joint.regression(at)
-        moved = coefficients * (error.mean - self.joint.mean[at])
+        coefficients, (mean, variance) = self.joint.regression(at), self.joint.mean_of(at)
+        moved = coefficients * (error.mean - mean)
         if self.influence.is_counted(len(self.known)):
-            sigmas = coefficients * spread_of_means(self.joint.variances[at], error.variance, wide)
-            after = self.influence.after_shift(self.joint, robot, moved, sigmas)
+            sigmas = coefficients * spread_of_means(variance, error.variance, wide)
+            after = self.influence.after_shift(self.joint, robots, moved, sigmas)
             if self.influence.beyond(self.joint, after):
                 self.tally.bounded += 1
                 alone = np.zeros_like(moved)
-                alone[own], alone[at] = moved[own], moved[at]
-                moved, after = alone, self.influence.after_shift(self.joint, robot, alone, np.zeros_like(alone))
+                alone[at] = moved[at]
+                if len(robots) == 1:
+                    own = self.joint.blocks[robots[0]]
+                    alone[own] = moved[own]
+                moved, after = alone, self.influence.after_shift(self.joint, robots, alone, np.zeros_like(alone))
             self.influence.on_factor(after)
         widen(self.joint, at, error.variance, moved)
 

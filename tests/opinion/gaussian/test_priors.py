@@ -1,6 +1,7 @@
 """A prior that is contradicted is replaced, as if the wider one had been there from the start; one that holds is left alone."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +14,28 @@ from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.influence import FAINT, FARTHEST
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
-from blackboard.opinion.gaussian.priors import SHOWN, WIDE, contradicted, found_in
+from blackboard.opinion.gaussian.priors import (
+    SHOWN,
+    WIDE,
+    Contradiction,
+    contradicted,
+    contradicted_alike,
+    found_in,
+    widen,
+)
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.team import TeamJoint
-from blackboard.opinion.gaussian.vehicle import AXES, BEARING, FORWARD, HEADING, STATES, Motion, Nuisance, entering
+from blackboard.opinion.gaussian.vehicle import (
+    AXES,
+    BEARING,
+    FORWARD,
+    HEADING,
+    RANGE,
+    STATES,
+    Motion,
+    Nuisance,
+    entering,
+)
 from tests.opinion.gaussian.standing import LIAR, PLACES, says
 
 ROBOT, MATE = "robot/r1", "robot/r2"
@@ -200,3 +219,112 @@ def test_boards_find_how_far_a_camera_is_mounted_askew_and_say_so(askew: float, 
         team.settle(tick, 1.0, told)
     found = {robot: team.found(robot) for robot in PLACES if team.found(robot)}
     assert found == ({LIAR: {"bearing bias found (rad)": pytest.approx(askew, abs=0.03)}} if askew else {})
+
+
+def errors_of_three(seed: int, truth: np.ndarray, prior: np.ndarray) -> Joint:
+    """One error of each of three robots and a place, after some linear measurements of random sums of them."""
+    rng, joint = np.random.default_rng(seed), Joint()
+    joint.add("errors", Moments(np.zeros(4), prior))
+    for _ in range(12):
+        rows = rng.normal(size=(1, 4))
+        residual = rows @ (truth - joint.mean) + rng.normal(0.0, 0.05, 1)
+        joint.update(Factor(residual, {"errors": rows}, np.array([[0.05**2]])))
+    return joint
+
+
+def found_alike(joint: Joint, sigma: float) -> Contradiction | None:
+    now = Moments(joint.mean[:3], joint.covariance[:3, :3])
+    return contradicted_alike(RANGE, Moments(np.zeros(3), sigma**2 * np.eye(3)), now, (0.0, WIDE[RANGE]))
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=SEEDS, off=st.sampled_from([-0.2, 0.2]))
+def test_an_error_that_robots_have_alike_is_believed_as_by_a_filter_in_which_their_mean_has_the_wide_prior(
+    seed: int, off: float
+) -> None:
+    """By how much each differs from the mean keeps its prior."""
+    sigma, apart = 0.04, np.eye(4)
+    apart[:3, :3] -= 1 / 3
+    truth = np.array([off, off + 0.02, off - 0.03, 0.5])
+    prior = np.diag([sigma**2] * 3 + [1.0])
+    joint, wider = errors_of_three(seed, truth, prior), apart @ prior @ apart
+    wider[:3, :3] += WIDE[RANGE] ** 2
+    anew = errors_of_three(seed, truth, wider)
+    error = found_alike(joint, sigma)
+    assert error is not None
+    at = [0, 1, 2]
+    widen(joint, at, error.variance, joint.regression(at) * (error.mean - joint.mean_of(at)[0]))
+    assert joint.mean == pytest.approx(anew.mean, abs=1e-6)
+    assert joint.covariance == pytest.approx(anew.covariance, abs=1e-8)
+
+
+def test_of_models_that_hold_hardly_any_is_contradicted_by_all_together() -> None:
+    rng = np.random.default_rng(2)
+    prior = np.diag([0.04**2] * 3 + [1.0])
+    drawn = [errors_of_three(seed, rng.multivariate_normal(np.zeros(4), prior), prior) for seed in range(400)]
+    assert not any(found_alike(joint, 0.04) for joint in drawn)
+
+
+@given(seed=SEEDS, off=st.floats(-1e3, 1e3), tie=st.floats(0.0, 1.0), robots=st.integers(3, 6))
+def test_no_robot_alone_shows_that_all_err_alike(seed: int, off: float, tie: float, robots: int) -> None:
+    """However far its own error is from what was expected; those of the others are as they may be."""
+    rng, sigma = np.random.default_rng(seed), 0.05
+    left = 0.25 * sigma**2 * (tie + (1 - tie) * np.eye(robots))
+    prior = Moments(np.zeros(robots), sigma**2 * np.eye(robots))
+    expected = np.sqrt(max(0.0, sigma**2 / (robots - 1) - left[1:, 1:].mean()))  # the sigma of the mean of the others
+    means = rng.normal(0.0, sigma, robots)
+    means += 2.0 * expected * rng.uniform(-1.0, 1.0) - means[1:].mean()
+    means[0] = off
+    assert contradicted_alike(RANGE, prior, Moments(means, left), (0.0, WIDE[RANGE])) is None
+
+
+@pytest.mark.parametrize("seen", [0.9, 1.1])
+def test_of_which_less_was_seen_than_one_prior_says_is_not_found_alike(seen: float) -> None:
+    """`seen` is the information on the mean, relative to that prior."""
+    sigma, robots = 0.05, 5
+    tie = 1 / (robots + seen) - 1 / robots
+    left = Moments(np.full(robots, 0.06), sigma**2 * (np.eye(robots) + tie))
+    prior = Moments(np.zeros(robots), sigma**2 * np.eye(robots))
+    assert (contradicted_alike(RANGE, prior, left, (0.0, WIDE[RANGE])) is None) == (seen < 1)
+
+
+LONG = 1.15  # times the true range, of which a lasting error of 2 % is expected
+
+
+def circle(seed: int, times: Mapping[str, float], exact: float = 0.3) -> TeamJoint:
+    """Robots that know their places and headings see each other. The ranges that some measure are so many times too long.
+
+    Those of one have noise with a sigma of `exact`, and it says so.
+    """
+    team, rng = TeamJoint(), np.random.default_rng(seed)
+    for tick in range(12):
+        told = []
+        for robot, place in PLACES.items():
+            seen, sigma = [], exact if robot == LIAR else 0.3
+            for mate in sorted(PLACES.keys() - {robot}):
+                dx, dy = PLACES[mate] - place
+                away = times.get(robot, 1.0) * np.hypot(dx, dy) + rng.normal(0.0, sigma)
+                seen.append(Relative(robot, mate, away, np.arctan2(dy, dx) + rng.normal(0.0, 0.05), sigma**2, 0.05**2))
+            evidence = replace(says(robot, tick, tuple(seen)), nuisance=NARROW)
+            if evidence.belief is not None:
+                belief = entering(Moments(evidence.belief.mean[:3], evidence.belief.covariance[:3, :3]), NARROW)
+                evidence = replace(evidence, belief=belief)
+            told.append(evidence)
+        team.settle(tick, 1.0, told)
+    return team
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_boards_find_that_all_ranges_of_a_team_are_too_long(seed: int) -> None:
+    """Held back by the priors of the others, each seems to be off by 1.5 sigmas, which may be by chance."""
+    team = circle(seed, dict.fromkeys(PLACES, LONG))
+    found = {"range bias found (share)": pytest.approx(LONG - 1.0, abs=0.06)}
+    assert {robot: team.found(robot) for robot in PLACES} == dict.fromkeys(PLACES, found)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("times", [1.0, 1.05, LONG, 1.2, 1.3, 0.8])
+@pytest.mark.parametrize("exact", [0.3, 0.03])
+def test_ranges_of_one_robot_replace_no_prior_of_its_mates(seed: int, times: float, exact: float) -> None:
+    team = circle(seed, {LIAR: times}, exact)
+    assert not team.widened.keys() - {LIAR}
