@@ -30,9 +30,8 @@ class RobotsWaitForTheAgreed(Oracle):
     def __init__(self, night: Night) -> None:
         super().__init__(night)
         self._robots: dict[str, AgentService] = {}  # by process
-        self._done: dict[
-            str, tuple[str, Pace, int, int]
-        ] = {}  # by process: run, pace, tick and late ones, when it reported last
+        #: By process: run, tick and late ones, when it reported last, since it goes by the world's clock.
+        self._done: dict[str, tuple[str, int, int]] = {}
         #: By process: sub-team and subject -> the newest tick of what was agreed about it that was heard.
         self._heard: dict[str, dict[tuple[str, str], int]] = defaultdict(dict)
 
@@ -43,20 +42,27 @@ class RobotsWaitForTheAgreed(Oracle):
                 table.pop(event.process, None)
             if isinstance(event.service, AgentService):
                 self._robots[event.process] = event.service
-        elif isinstance(event, Heard) and event.process in self._robots:
+            return
+        assert isinstance(event, Heard | Said)
+        robot = self._robots.get(event.process)
+        if robot is None:
+            return
+        if robot.clock.pace is not Pace.LOCKSTEP:
+            self._done.pop(event.process, None)
+        if isinstance(event, Heard):
             message = opened_as_consensus(event.envelope)
             if message is not None:
                 heard, what = self._heard[event.process], (message.sub_team, message.subject)
                 heard[what] = max(message.tick, heard.get(what, -1))
-        elif isinstance(event, Said) and isinstance(event.message, Report) and event.process in self._robots:
-            self._judge(event, self._robots[event.process])
+        elif isinstance(event, Said) and isinstance(event.message, Report) and robot.clock.pace is Pace.LOCKSTEP:
+            self._judge(event, robot)
 
     def _judge(self, event: Said, robot: AgentService) -> None:
         late, clock = robot.counters["late"], robot.clock.followed
-        now = robot.run, robot.clock.pace, robot.tick, late
-        run, pace, tick, before = self._done.get(event.process, now)
+        now = robot.run, robot.tick, late
+        run, tick, before = self._done.get(event.process, now)
         self._done[event.process] = now
-        if (run, pace) != now[:2] or tick == now[2] or pace is not Pace.LOCKSTEP or clock is None or late > before:
+        if run != now[0] or tick == now[1] or clock is None or late > before:
             return
         heard = self._heard[event.process]
         for sub_team in robot.peer.sub_teams:
