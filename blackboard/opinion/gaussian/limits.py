@@ -38,8 +38,8 @@ ENTRIES = 3.0  # beginnings in a row that count in full: a start, a restart, and
 RENEWAL = 60.0  # seconds until one more does
 HALVINGS = 20  # of the share of an increment that is sought
 ROUGHLY = 0.5  # share of the variance of the belief that a robot tells, which its increments together may leave
-#: The same share for the last belief, predicted, and one increment. It is 1 for simulated robots, and above 0.8 for nearly all in
-#: the field's tests. For a robot that tells all that it believes as new evidence it is about 0.5.
+#: The least variance of the last belief, predicted and corrected by the increment, as a share of that of the belief beside it. Of
+#: an honest filter the share is about 1. Of a robot that sends its whole belief as an increment it is about 0.5: that counts twice.
 NEARLY = 0.7
 LEAST = 1e-4  # share of a beginning that always counts, so that its covariance is a number
 
@@ -50,9 +50,8 @@ class Limits(Copyable):
 
     sharpest: float = 0.0
     _alone: dict[str, Joint] = field(default_factory=dict)  # robot -> what it alone says of itself
-    _believed: dict[str, Joint] = field(
-        default_factory=dict
-    )  # robot -> the belief that it told last, predicted by its motion
+    #: Robot -> the belief in its last report, predicted to now by its odometry.
+    _believed: dict[str, Joint] = field(default_factory=dict)
     _entries: dict[str, float] = field(default_factory=dict)  # robot -> beginnings that would count in full
 
     def copy(self) -> Self:
@@ -91,7 +90,10 @@ class Limits(Copyable):
         return min(before, sorted(least.values())[1]) if len(least) > 1 else 0.0
 
     def drive(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
-        """Predict a robot by the motion that it tells. One that tells none may have moved unmeasured: its last belief is dropped."""
+        """Predict what is held of a robot by its motion.
+
+        A robot without motion may have been moved without measuring it. So its last belief is dropped, and its next increment passes.
+        """
         if not motion.moving:
             self._believed.pop(robot, None)
         for own in (self._alone, self._believed):
@@ -104,8 +106,11 @@ class Limits(Copyable):
             alone = self._alone[robot]
             correct(alone, heading_factor(alone, robot, reading.heading - reading.bias, math.sqrt(reading.variance)))
 
-    def gained(self, robot: str, increment: Increment | None, told: Moments | None) -> Increment | None:
-        """The increment, or None if it is more than the robot's belief gained since its last report. `told`: that belief, after it."""
+    def without_echo(self, robot: str, increment: Increment | None, told: Moments | None) -> Increment | None:
+        """Keep the belief `told` in a report, and return the report's increment; None where that is an echo.
+
+        An echo says more of the robot's place than its belief has gained since the last report.
+        """
         believed = self._believed.pop(robot, None)
         if self.sharpest and told is not None:
             self._believed[robot] = _joint(robot, told)

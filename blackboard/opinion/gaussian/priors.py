@@ -5,16 +5,17 @@ prior predictive check of Box (J. Royal Statistical Society A 143(4), 1980). Bey
 state gets the prior that it would have had if nothing had been known, with the sigma of `WIDE`. All else that is believed follows by
 what ties it to that state, as if it had been so from the start.
 
-Sensors of one kind often err alike: a wrong unit, or an antenna's delay. Where robots see each other, each is then held back by the
-priors of the others, and none is beyond the limit. So the mean of a state over robots of which the same was told is judged in the same
-way, with a prior variance of s^2 / n. No robot alone may be the reason: without any one of them it must still be beyond 99 %. Then
-the mean gets the wide prior, and by how much a robot differs from it keeps its own.
+Sensors of one kind often have the same error: a wrong unit, or the delay of an antenna. Robots that see each other then correct each
+other towards their priors, and no single error is beyond the limit. So the mean of a state over n robots with the same prior is judged
+in the same way, with the prior variance s^2 / n. Without any one of the robots it must still be beyond 99 %, so that one alone cannot
+cause this. Then the mean gets the wide prior; the differences of the robots from the mean keep theirs.
 
 Sources of `WIDE`: scales of wheels that slip sideways, 0.5 to 2 (Mandow et al., IROS 2007); a camera that was fastened by eye, 11
 degrees; a focal length from a data sheet, 20 %.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -64,7 +65,7 @@ def contradicted(
     for state, wide in WIDE.items():
         before, now = ((float(m.mean[state]), float(m.covariance[state, state])) for m in (entered, block))
         if state not in but and before[1] < wide**2:
-            judged.append((state, before, now, (usual(nuisance, state), wide)))
+            judged.append((state, before, now, (_usual(nuisance, state), wide)))
     return most_contradicted(judged)
 
 
@@ -78,12 +79,27 @@ def most_contradicted(judged: Iterable[Judged], doubt: float = 1.0) -> Contradic
     return worst
 
 
+def with_one_prior(nuisances: Mapping[str, Nuisance]) -> dict[tuple[int, float, float], list[str]]:
+    """The robots whose lasting error has the same prior, by state and the prior's mean and sigma.
+
+    Robots of one make are left out (`alike`): their priors have a common part already, so each follows the others.
+    """
+    groups = defaultdict[tuple[int, float, float], list[str]](list)
+    for robot, nuisance in nuisances.items():
+        for state, wide in WIDE.items():
+            sigma = nuisance.sigmas[state - FORWARD]
+            if 0 < sigma < wide and not nuisance.alike:
+                groups[state, _usual(nuisance, state), sigma].append(robot)
+    return groups
+
+
 def contradicted_alike(state: int, prior: Moments, now: Moments, wide: tuple[float, float]) -> Contradiction | None:
     """The mean over robots of one lasting error, if it contradicts its prior, and no robot alone is the reason.
 
-    Without any one of them the mean must be beyond 99 %, always to the same side. What was seen must say as much of it as one robot's
-    prior: else it is multiplied by more than n + 1, with the errors of straight lines. The errors of n robots are as their `prior`
-    has them, and as they are believed `now`, shape (n,) and (n, n) each. `wide` is mean and sigma of the wide prior of their mean.
+    Without any one of them the mean must be beyond 99 %, always to the same side. The measurements must hold as much information on
+    the mean as the prior of one robot. With less, taking out the prior would multiply errors of linearisation by more than n + 1.
+    `prior` and `now` are the errors of n robots by their priors and as they are believed, shape (n,) and (n, n) each. `wide` is mean
+    and sigma of the wide prior of their mean.
     """
     robots, limit, without = len(now.mean), quantile(GATE, 1), list[float]()
     before, after = (_of_mean(errors, np.ones(robots)) for errors in (prior, now))
@@ -122,7 +138,7 @@ def by_wide_prior(
     return (mean - then) ** 2 / (prior - left) if enough else 0.0, led, 1 / information
 
 
-def usual(nuisance: Nuisance, state: int) -> float:
+def _usual(nuisance: Nuisance, state: int) -> float:
     """The prior mean of a state; of all but the scales 0."""
     return {FORWARD: nuisance.forward, TURN: nuisance.turn}.get(state, 0.0)
 

@@ -1,7 +1,6 @@
 """What a joint holds of a team, and the steps that change it in one place: robots and objects enter, are moved, widened, dropped."""
 
 import math
-from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -37,8 +36,8 @@ from blackboard.opinion.gaussian.priors import (
     contradicted,
     contradicted_alike,
     spread_of_means,
-    usual,
     widen,
+    with_one_prior,
 )
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
@@ -46,7 +45,7 @@ from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, FORWARD, HEADING, STATES, Motion, Nuisance, drive
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance, drive
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Array
 
@@ -363,7 +362,7 @@ class TeamState(Copyable):
             robots, error = worst
             for robot in robots:
                 self.widened[robot] = (*self.widened.get(robot, ()), error.state)
-            with self.blaming(robots[0]):
+            with self.blaming(robots[0] if len(robots) == 1 else ""):
                 self._widen_prior(robots, self._states(robots, error.state), error, WIDE[error.state])
 
     def _states(self, robots: Sequence[str], state: int) -> list[int]:
@@ -388,21 +387,14 @@ class TeamState(Copyable):
         return max(found, key=lambda one: one[1].beyond, default=None)
 
     def _contradicted_alike(self) -> Iterator[tuple[Sequence[str], Contradiction]]:
-        """Errors of sensors that robots of which the same was told have in common, and that contradict their priors together.
+        """Groups of robots whose sensors have the same prior, with an error whose mean over the group contradicts that prior.
 
-        Where one of them was found to err alone, so may the others. Robots of one make are left out: their priors have a common part
-        already (`alike`), so each follows the others.
+        A group in which one robot's prior was already replaced is left out.
         """
-        told = defaultdict[tuple[int, float, float], list[str]](list)
-        for robot in filter(self.knows, sorted(self.known)):
-            nuisance = self.known[robot].nuisance
-            for state, wide in WIDE.items():
-                sigma = nuisance.sigmas[state - FORWARD]
-                if 0 < sigma < wide and not nuisance.alike:
-                    told[state, usual(nuisance, state), sigma].append(robot)
-        for (state, middle, _), all_told in told.items():
-            robots = [robot for robot in all_told if self._is_heard(robot)]
-            is_new = not any(state in self.widened.get(robot, ()) for robot in all_told)
+        known = {robot: self.known[robot].nuisance for robot in filter(self.knows, sorted(self.known))}
+        for (state, middle, _), group in with_one_prior(known).items():
+            robots = [robot for robot in group if self._is_heard(robot)]
+            is_new = not any(state in self.widened.get(robot, ()) for robot in group)
             if is_new and len(robots) >= FEWEST:
                 at, entered = self._states(robots, state), [self.entered[robot] for robot in robots]
                 means, variances = zip(*((m.mean[state], m.covariance[state, state]) for m in entered), strict=True)

@@ -178,7 +178,7 @@ class TeamJoint(TeamState):
                 if robot in known:
                     self.limits.on_compass(robot, evidence.compass)
                     learned = self.innovations.variance((robot, "increment"))
-                    gained = self.limits.gained(robot, increment, evidence.belief)
+                    gained = self.limits.without_echo(robot, increment, evidence.belief)
                     if gained is not increment:
                         self.add_verdict(Verdict(robot, robot, "echo", 0.0, 1, taken=False))
                     increment = self.limits.increment(robot, gained, learned, evidence.belief)
