@@ -30,6 +30,7 @@ from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.distrust import DISTRUSTED
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Verdict
+from blackboard.opinion.gaussian.finding import errors_found
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.lost import Lost
@@ -251,7 +252,7 @@ class JointDesk:
         if not subject.startswith("robot/"):
             return {**gate, "drift": self.team.drift_of(subject)}
         distrusted = subject in self.team.distrust and not self.team.doubts(subject)
-        return gate | self.team.found(subject) | ({DISTRUSTED: 1.0} if distrusted else {})
+        return gate | errors_found(self.team, subject) | ({DISTRUSTED: 1.0} if distrusted else {})
 
     def _in_doubt(self, subject: str, places: tuple[RingPlace, ...], make: Make) -> Consensus:
         """What is agreed about an object of which only ranges or bearings are known, which leave a few places."""

@@ -12,6 +12,7 @@ from blackboard.opinion.gaussian.alike import add_alike
 from blackboard.opinion.gaussian.coalitions import KNOWN
 from blackboard.opinion.gaussian.contacts import Claim
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
+from blackboard.opinion.gaussian.finding import restore_errors
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.mounts import USUAL, Mount, compass_of, correct_heading, reading_factor
@@ -88,6 +89,8 @@ def enter(team: TeamState, evidence: Evidence) -> bool:
     if known is None or known.epoch != evidence.epoch:
         team.known[robot] = Known(evidence.epoch, evidence.travelled, nuisance=evidence.nuisance)
         team.drop(robot)
+        if known is None or known.nuisance != evidence.nuisance:
+            team.kept.pop(robot, None)
         team.contacts.begin(robot)
     if robot in team.joint or evidence.belief is None:
         return False
@@ -110,6 +113,7 @@ def _add(team: TeamState, evidence: Evidence, belief: Moments) -> None:
     with team.blaming(evidence.robot):
         add_alike(team.joint, evidence.robot, belief, nuisance, like if nuisance.alike else [])
         team.entered[evidence.robot] = team.joint.moments(evidence.robot)
+        restore_errors(team, evidence.robot)
         if evidence.compass is not None:
             mount = _compass(team, evidence)
             team.joint.begin({error.block: error.known(team.joint) for error in (mount, team.north)})

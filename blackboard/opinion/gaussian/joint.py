@@ -28,6 +28,10 @@ class Moments:
     mean: Array
     covariance: Array
 
+    def of(self, state: int) -> tuple[float, float]:
+        """Mean and variance of one state."""
+        return float(self.mean[state]), float(self.covariance[state, state])
+
 
 def squared_distance(apart: Array, covariance: Array) -> float:
     """The squared Mahalanobis distance of a difference, shape (m,), by its covariance, shape (m, m): 0 to `FARTHEST`.

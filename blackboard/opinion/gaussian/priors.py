@@ -10,6 +10,8 @@ other towards their priors, and no single error is beyond the limit. So the mean
 in the same way, with the prior variance s^2 / n. Without any one of the robots it must still be beyond 99 %, so that one alone cannot
 cause this. Then the mean gets the wide prior; the differences of the robots from the mean keep theirs.
 
+A prior that was contradicted by two robots, and by half of those that have it, says nothing of the others. They get the wide one.
+
 Sources of `WIDE`: scales of wheels that slip sideways, 0.5 to 2 (Mandow et al., IROS 2007); a camera that was fastened by eye, 11
 degrees; a focal length from a data sheet, 20 %.
 """
@@ -29,6 +31,7 @@ from blackboard.opinion.grid import Array
 WIDE = {FORWARD: 0.5, TURN: 0.5, BEARING: 0.2, RANGE: 0.2}  # sigmas, of the bearing in radians
 SHOWN = 0.5  # times a sigma of `WIDE`: so well a state must be known with the wide prior, or else what is seen says little of it
 LEAST = 1e-6  # of a sigma: less is rounding
+REFUTING = 2  # robots, and half of all, whose error contradicts a prior: it is none of the others, either
 FEWEST = 3  # robots whose common error is judged: without one of them two must still agree
 #: How boards call these states, and their units, among the parameters of a consensus.
 FOUND = {
@@ -63,7 +66,7 @@ def contradicted(
     """
     judged = list[Judged]()
     for state, wide in WIDE.items():
-        before, now = ((float(m.mean[state]), float(m.covariance[state, state])) for m in (entered, block))
+        before, now = entered.of(state), block.of(state)
         if state not in but and before[1] < wide**2:
             judged.append((state, before, now, (_usual(nuisance, state), wide)))
     return most_contradicted(judged)
@@ -111,6 +114,11 @@ def contradicted_alike(state: int, prior: Moments, now: Moments, wide: tuple[flo
         without.append(math.copysign(by_wide_prior(before, after, wide)[0], after[0] - before[0]))
     is_common = max(min(without), -max(without)) > quantile(DOUBT, 1)
     return Contradiction(state, mean, variance, squared / limit) if is_common else None
+
+
+def is_refuted(contradicting: int, robots: int) -> bool:
+    """Whether a prior that some robots have of an error is none, because that of so many of them contradicted it."""
+    return contradicting >= max(REFUTING, robots / 2)
 
 
 def _of_mean(errors: Moments, counted: Array) -> tuple[float, float]:

@@ -1,10 +1,9 @@
 """What a joint holds of a team, and the steps that change it in one place: robots and objects enter, are moved, widened, dropped."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from statistics import median
 from typing import Self
 
 import numpy as np
@@ -27,25 +26,13 @@ from blackboard.opinion.gaussian.limits import Limits
 from blackboard.opinion.gaussian.mounts import Mount, north_of
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
-from blackboard.opinion.gaussian.priors import (
-    COMPASS_FOUND,
-    FEWEST,
-    FOUND,
-    WIDE,
-    Contradiction,
-    contradicted,
-    contradicted_alike,
-    spread_of_means,
-    widen,
-    with_one_prior,
-)
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
 from blackboard.opinion.gaussian.rings import Ring
 from blackboard.opinion.gaussian.speeds import Speeds
 from blackboard.opinion.gaussian.strayed import Strayed
 from blackboard.opinion.gaussian.tracks import Tracks
 from blackboard.opinion.gaussian.trust import Trust
-from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance, drive
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, HEADING, STATES, Motion, Nuisance
 from blackboard.opinion.gaussian.walks import LEAST, Model, Walks
 from blackboard.opinion.grid import Array
 
@@ -131,6 +118,8 @@ class TeamState(Copyable):
     refuted: frozenset[str] = frozenset()  # robots that `contacts` has left out since they entered
     #: Robot -> states of its block whose prior was contradicted and replaced by a wide one (`priors`).
     widened: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    #: Robot that was dropped -> the errors that it had been found to have: state -> mean and variance.
+    kept: dict[str, dict[int, tuple[float, float]]] = field(default_factory=dict)
     #: Robot -> its block when it entered; its lasting errors are predicted since then, as if nothing had been measured.
     entered: dict[str, Moments] = field(default_factory=dict)
     north: Mount = field(default_factory=north_of)  # the common error of all compasses
@@ -157,7 +146,8 @@ class TeamState(Copyable):
         """Forget a subject, and the lasting errors of its sightings and of those of it. If it enters `again`, its compass's stay."""
         self.influence.drop(subject)
         self.strayed.forget(subject)
-        self.widened.pop(subject, None)
+        if states := self.widened.pop(subject, ()):
+            self.kept[subject] = {state: self.joint.moments(subject).of(state) for state in states}
         self.entered.pop(subject, None)
         kept = self.compasses[subject].block if again and subject in self.compasses else None
         if kept is None:
@@ -265,10 +255,10 @@ class TeamState(Copyable):
         Who differed from it and looks no more counts where nobody who looks differs. Newcomers, who have not seen
         enough yet to differ from a side, count for none.
         """
-        differing = {robot for robot in self.disputes.differing(observer, subject) if self._is_heard(robot)}
+        differing = {robot for robot in self.disputes.differing(observer, subject) if self.is_heard(robot)}
         if not differing:
             return 1
-        looking = {robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)}
+        looking = {robot for robot in self.disputes.seeing(subject) if robot != observer and self.is_heard(robot)}
         against = differing & looking or differing
         camps = (against - self.disputes.differing(robot, subject) for robot in against)
         agreeing = looking - differing - self.disputes.newcomers(subject, {observer, *against})
@@ -289,7 +279,7 @@ class TeamState(Copyable):
         """Whether an object that walks, and that others have placed without a dispute, is seen by one robot alone now."""
         if not self.walks_as_told(subject) or observer in self.left_out:
             return False
-        others = [robot for robot in self.disputes.seeing(subject) if robot != observer and self._is_heard(robot)]
+        others = [robot for robot in self.disputes.seeing(subject) if robot != observer and self.is_heard(robot)]
         return not others and any(not self.disputes.differing(of, subject) for of in self.vouching(subject, observer))
 
     def walks_as_told(self, subject: str) -> bool:
@@ -299,19 +289,19 @@ class TeamState(Copyable):
     def disputing(self, subject: str) -> list[frozenset[str]]:
         """The equally large groups of robots that see an object at two places; empty without a dispute."""
         for robot in self.disputes.seeing(subject):
-            if self._is_heard(robot) and self.majority(robot, subject) == 0:
-                others = frozenset(filter(self._is_heard, self.disputes.differing(robot, subject)))
-                looking = frozenset(filter(self._is_heard, self.disputes.seeing(subject)))
+            if self.is_heard(robot) and self.majority(robot, subject) == 0:
+                others = frozenset(filter(self.is_heard, self.disputes.differing(robot, subject)))
+                looking = frozenset(filter(self.is_heard, self.disputes.seeing(subject)))
                 return [looking - others - self.disputes.newcomers(subject, {robot, *others}), others]
         return []
 
-    def _is_heard(self, robot: str) -> bool:
+    def is_heard(self, robot: str) -> bool:
         return robot not in self.left_out and not self.doubts(robot)
 
     def rests_on_doubted(self, subject: str, observer: str) -> bool:
         """Whether only robots that are doubted have seen an object where it is, and an observer is not among these."""
         observers = set(self.trust.observers(subject)) - {observer}
-        return bool(observers) and not any(self._is_heard(robot) for robot in observers)
+        return bool(observers) and not any(self.is_heard(robot) for robot in observers)
 
     def vouching(self, subject: str, observer: str) -> list[str]:
         """Who else has seen a subject, mostly agreed, and is not doubted."""
@@ -349,112 +339,6 @@ class TeamState(Copyable):
             after = self.influence.after(self.joint, robot, factor, expected, only, share)
         self.influence.on_factor(after)
         return only
-
-    def widen_priors(self) -> None:
-        """Replace priors of sensor errors (scales, camera direction) that sightings contradict by wide ones (`priors`), each once.
-
-        That may be the prior of one robot's error, or of the mean over robots that were told the same of a sensor.
-        What contradicts one prior has moved the errors of mates, too. So the worst is replaced first, and the others judged after it.
-        One robot alone cannot tell its errors from the motion of what it sees. Compasses are judged where odometry is believed.
-        """
-        self._widen_compass()
-        while len(self.known) > 1 and (worst := self._most_contradicted()) is not None:
-            robots, error = worst
-            for robot in robots:
-                self.widened[robot] = (*self.widened.get(robot, ()), error.state)
-            with self.blaming(robots[0] if len(robots) == 1 else ""):
-                self._widen_prior(robots, self._states(robots, error.state), error, WIDE[error.state])
-
-    def _states(self, robots: Sequence[str], state: int) -> list[int]:
-        """Where a state of the blocks of some robots stands in the joint."""
-        return [self.joint.blocks[robot].start + state for robot in robots]
-
-    def _most_contradicted(self) -> tuple[Sequence[str], Contradiction] | None:
-        """The robot and the error of its sensors whose prior is contradicted most, or the robots that have such an error alike."""
-        found: list[tuple[Sequence[str], Contradiction]] = [
-            ([robot], error)
-            for robot in filter(self.knows, sorted(self.known))
-            if (
-                error := contradicted(
-                    self.joint.moments(robot),
-                    self.entered[robot],
-                    self.known[robot].nuisance,
-                    self.widened.get(robot, ()),
-                )
-            )
-        ]
-        found += self._contradicted_alike()
-        return max(found, key=lambda one: one[1].beyond, default=None)
-
-    def _contradicted_alike(self) -> Iterator[tuple[Sequence[str], Contradiction]]:
-        """Groups of robots whose sensors have the same prior, with an error whose mean over the group contradicts that prior.
-
-        A group in which one robot's prior was already replaced is left out.
-        """
-        known = {robot: self.known[robot].nuisance for robot in filter(self.knows, sorted(self.known))}
-        for (state, middle, _), group in with_one_prior(known).items():
-            robots = [robot for robot in group if self._is_heard(robot)]
-            is_new = not any(state in self.widened.get(robot, ()) for robot in group)
-            if is_new and len(robots) >= FEWEST:
-                at, entered = self._states(robots, state), [self.entered[robot] for robot in robots]
-                means, variances = zip(*((m.mean[state], m.covariance[state, state]) for m in entered), strict=True)
-                prior = Moments(np.array(means), np.diag(variances))
-                now = Moments(self.joint.mean[at], self.joint.covariance[np.ix_(at, at)])
-                if (error := contradicted_alike(state, prior, now, (middle, WIDE[state]))) is not None:
-                    yield robots, error
-
-    def predict_entered(self, robot: str, motion: Motion, nuisance: Nuisance) -> None:
-        """Predict the lasting errors with which a robot entered: scales are random walks. `widen_priors` compares with these."""
-        if robot in self.entered:
-            alone = Joint.of({robot: self.entered[robot]})
-            drive(alone, robot, Motion(dt=motion.dt, moving=motion.moving), nuisance)
-            self.entered[robot] = alone.moments(robot)
-
-    def _widen_compass(self) -> None:
-        """Give a wide prior to the error of one compass, or to the common error of all, whichever measurements contradict most."""
-        robots = [robot for robot in sorted(self.compasses) if self.knows(robot) and robot not in self.distrust]
-        mounts = [(robot, self.compasses[robot]) for robot in robots]
-        # The median, so that one robot whose noise is unknown, or that says so, cannot prevent the test of the common error.
-        doubt = median([mount.doubt for _, mount in mounts] or [1.0])
-        told = [(mount.contradicted(self.joint, mount.doubt), robot, mount) for robot, mount in mounts]
-        told += [(self.north.contradicted(self.joint, doubt), robot, self.north) for robot in robots[:1]]
-        contradicted = [(worst, robot, mount) for worst, robot, mount in told if worst is not None]
-        if contradicted:
-            worst, robot, mount = max(contradicted, key=lambda one: one[0].beyond)
-            mount.found |= {worst.state}
-            with self.blaming(robot):
-                self._widen_prior([robot], [self.joint.blocks[mount.block].start + worst.state], worst, mount.wide)
-
-    def found(self, robot: str) -> dict[str, float]:
-        """The estimates of those sensor errors of a robot whose prior was contradicted, by name (`priors.FOUND`)."""
-        first = self.joint.blocks[robot].start
-        found = {FOUND[state]: float(self.joint.mean[first + state]) for state in self.widened.get(robot, ())}
-        mount = self.compasses.get(robot)
-        if mount is not None and (mount.found or self.north.found):
-            found[COMPASS_FOUND] = float(mount.known(self.joint).mean[0] + self.north.known(self.joint).mean[0])
-        return found
-
-    def _widen_prior(self, robots: Sequence[str], at: Sequence[int], error: Contradiction, wide: float) -> None:
-        """The mean of some robots' lasting errors gets the mean and variance of the wide prior; all else follows by regression.
-
-        The errors are at these indices. Where mates would move farther than an honest robot may move them (`influence`), only the
-        errors move, and a robot whose error it is alone.
-        """
-        coefficients, (mean, variance) = self.joint.regression(at), self.joint.mean_of(at)
-        moved = coefficients * (error.mean - mean)
-        if self.influence.is_counted(len(self.known)):
-            sigmas = coefficients * spread_of_means(variance, error.variance, wide)
-            after = self.influence.after_shift(self.joint, robots, moved, sigmas)
-            if self.influence.beyond(self.joint, after):
-                self.tally.bounded += 1
-                alone = np.zeros_like(moved)
-                alone[at] = moved[at]
-                if len(robots) == 1:
-                    own = self.joint.blocks[robots[0]]
-                    alone[own] = moved[own]
-                moved, after = alone, self.influence.after_shift(self.joint, robots, alone, np.zeros_like(alone))
-            self.influence.on_factor(after)
-        widen(self.joint, at, error.variance, moved)
 
     def as_found(self, relative: Relative) -> Relative:
         """A sighting with the noise that its observer's have shown to have.
@@ -520,7 +404,7 @@ class TeamState(Copyable):
 
     def forget_objects(self) -> None:
         """Drop the objects that were not sighted for long, and those that most observers see elsewhere."""
-        unheard = {robot for robot in self.known if not self._is_heard(robot)}
+        unheard = {robot for robot in self.known if not self.is_heard(robot)}
         gone = [n for n, age in self.seen.items() if age > self.objects.kept or self.trust.misplaced(n, unheard)]
         for name in gone:
             self.forget_object(name)

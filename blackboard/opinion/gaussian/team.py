@@ -19,6 +19,7 @@ from blackboard.opinion.gaussian.choosing import choose_evidence
 from blackboard.opinion.gaussian.comparing import compare, enter, multiply, take_compass
 from blackboard.opinion.gaussian.drawing import draw
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict, end_of_tick
+from blackboard.opinion.gaussian.finding import predict_entered, widen_priors
 from blackboard.opinion.gaussian.identifying import Doubt, identified, take_in_the_mean
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.late import with_way
@@ -76,7 +77,7 @@ class TeamJoint(TeamState):
             (robot, subject)
             for subject in self.disputes.disputed()
             for robot in self.disputes.seeing(subject)
-            if self._is_heard(robot) and self.majority(robot, subject) < 0
+            if self.is_heard(robot) and self.majority(robot, subject) < 0
         )
         return frozenset(outvoted) | self.disputes.led()
 
@@ -100,7 +101,7 @@ class TeamJoint(TeamState):
         for robot, evidence in news.items():
             known = self.known[robot]
             motion = evidence.travelled.since(known.travelled).after(known.motion, evidence.time - known.time)
-            self.predict_entered(robot, motion, evidence.nuisance)
+            predict_entered(self, robot, motion, evidence.nuisance)
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
             told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance, evidence.camera
             self.known[robot] = Known(known.epoch, *told)
@@ -108,7 +109,7 @@ class TeamJoint(TeamState):
             if robot in self.distrust and self.knows(robot):
                 with self.blaming(robot):
                     self.distrust.judge(robot, self.joint.moments(robot), self.speeds.usual(robot))
-        self.widen_priors()
+        widen_priors(self)
         self._widen_strayed()
         self.forget_objects()
         end_tick(self)
@@ -117,7 +118,7 @@ class TeamJoint(TeamState):
 
     def _widen_strayed(self) -> None:
         """Widen the pose of who has strayed, by no more than the width of the map."""
-        unheard = {robot for robot in self.known if not self._is_heard(robot) or robot in self.distrust}
+        unheard = {robot for robot in self.known if not self.is_heard(robot) or robot in self.distrust}
         for robot, away in self.strayed.end_tick(len(self.known), unheard).items():
             if self.knows(robot):
                 self.widen(robot, min(away, math.sqrt(self.naming.area)))

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.evidence import Evidence
+from blackboard.opinion.gaussian.finding import errors_found, widen_priors
 from blackboard.opinion.gaussian.increment import Increment
 from blackboard.opinion.gaussian.influence import FAINT, FARTHEST
 from blackboard.opinion.gaussian.joint import Factor, Joint, Moments
@@ -188,7 +189,7 @@ def test_whatever_contradicts_a_model_moves_mates_no_farther_than_an_honest_robo
     joint.mean[at] = USUAL.mean[state] + sigmas * np.sqrt(sigma**2 - left)
     before = {robot: joint.moments(robot) for robot in mates}
     follow, sureness = joint.regression(at)[mate], WIDE[state]
-    team.widen_priors()
+    widen_priors(team)
     for robot in mates:
         after = joint.moments(robot)
         allowed = FARTHEST * ((follow * sureness) ** 2 + FAINT * before[robot].covariance[0, 0])
@@ -217,7 +218,7 @@ def test_boards_find_how_far_a_camera_is_mounted_askew_and_say_so(askew: float, 
                     told[-1], belief=entering(Moments(belief.mean[:3], belief.covariance[:3, :3]), NARROW)
                 )
         team.settle(tick, 1.0, told)
-    found = {robot: team.found(robot) for robot in PLACES if team.found(robot)}
+    found = {robot: errors_found(team, robot) for robot in PLACES if errors_found(team, robot)}
     assert found == ({LIAR: {"bearing bias found (rad)": pytest.approx(askew, abs=0.03)}} if askew else {})
 
 
@@ -319,7 +320,7 @@ def test_boards_find_that_all_ranges_of_a_team_are_too_long(seed: int) -> None:
     """Held back by the priors of the others, each seems to be off by 1.5 sigmas, which may be by chance."""
     team = circle(seed, dict.fromkeys(PLACES, LONG))
     found = {"range bias found (share)": pytest.approx(LONG - 1.0, abs=0.06)}
-    assert {robot: team.found(robot) for robot in PLACES} == dict.fromkeys(PLACES, found)
+    assert {robot: errors_found(team, robot) for robot in PLACES} == dict.fromkeys(PLACES, found)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -328,3 +329,29 @@ def test_boards_find_that_all_ranges_of_a_team_are_too_long(seed: int) -> None:
 def test_ranges_of_one_robot_replace_no_prior_of_its_mates(seed: int, times: float, exact: float) -> None:
     team = circle(seed, {LIAR: times}, exact)
     assert not team.widened.keys() - {LIAR}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_prior_that_half_of_the_robots_contradicted_is_none_of_the_others(seed: int) -> None:
+    """Their own ranges are as they were told, and they get the wide prior all the same: one that is wrong for three is no model."""
+    some = [LIAR, *sorted(PLACES.keys() - {LIAR})[:2]]
+    few, half = (circle(seed, dict.fromkeys(some[:count], LONG)) for count in (1, 3))
+    assert set(few.widened) == {LIAR}
+    assert half.widened == dict.fromkeys(PLACES, (RANGE,))
+    for robot in PLACES:
+        estimated = errors_found(half, robot)["range bias found (share)"]
+        assert estimated == pytest.approx(LONG - 1.0 if robot in some else 0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("is_same", [True, False])
+def test_a_robot_that_starts_anew_has_the_errors_that_it_was_found_to_have(is_same: bool) -> None:
+    """Unless it tells of other sensors. Before, they were found anew: its ways were 30 % too short for 14 s."""
+    team = circle(1, {LIAR: LONG})
+    found = errors_found(team, LIAR)
+    assert found == {"range bias found (share)": pytest.approx(LONG - 1.0, abs=0.05)}
+    nuisance = NARROW if is_same else replace(NARROW, sigmas=(*NARROW.sigmas[:-1], 0.03))
+    anew = replace(says(LIAR, 0), epoch=1, tick=12, nuisance=nuisance)
+    assert anew.belief is not None
+    belief = entering(Moments(anew.belief.mean[:3], anew.belief.covariance[:3, :3]), nuisance)
+    team.settle(12, 1.0, [replace(anew, belief=belief)])
+    assert errors_found(team, LIAR) == (found if is_same else {})
