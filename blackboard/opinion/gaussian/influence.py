@@ -195,7 +195,7 @@ class Influence(Copyable):
         anything any more, so that nothing is undone twice.
         """
         self._follow(joint)
-        if source not in self._sources:
+        if source not in self._sources or not self._places:
             return
         row = self._sources.index(source)
         is_robot = row < self._robots

@@ -134,6 +134,18 @@ def test_an_object_is_not_held_to_have_moved_the_way_that_another_one_went() -> 
     assert joint.moments(CAN).mean == pytest.approx(before - moved[-2:], abs=1e-9)
 
 
+def test_of_a_robot_of_a_team_that_is_too_large_to_be_counted_nothing_is_taken_back() -> None:
+    """Before, it was a fault: a team of 20 or more went on without the evidence of whoever was doubted."""
+    joint, influence, robots = Joint(), Influence(), [f"robot/r{k}" for k in range(20)]
+    for robot in robots:
+        joint.add(robot, Moments(np.zeros(STATES), np.eye(STATES)))
+    assert not influence.is_counted(len(robots))
+    before = joint.copy()
+    influence.take_back(joint, robots[0])
+    assert np.array_equal(joint.mean, before.mean)
+    assert np.array_equal(joint.covariance, before.covariance)
+
+
 def test_what_rounding_adds_does_not_grow_with_the_evidence() -> None:
     """Before, what was not symmetric grew by each sighting, and after a minute at 10 Hz an honest robot broke the joint."""
     rng, joint, influence = np.random.default_rng(1), beginning(), Influence()
