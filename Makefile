@@ -59,8 +59,8 @@ team: $(VENV)/.dev ## whole teams in one process, links, the laboratory, tapes a
 system: $(VENV)/.dev ## real processes over real Zenoh on 127.0.0.1, those of `make long` that are of this kind included
 	$(PYTEST) -m system -n $(WORKERS) --dist loadgroup --durations=5
 
-long: $(VENV)/.dev ## what takes minutes: network trouble, growth, deaths, the laboratory, and the documentation followed to its last line
-	$(PYTEST) -m long --durations=5
+long: $(VENV)/.dev ## what takes minutes: teams on fields, recordings, growth, deaths, the laboratory, the documentation to its last line
+	$(PYTEST) -m long -n 2 --dist loadgroup --durations=5
 
 compose-test: $(VENV)/.dev ## the containers; skipped with its reason where no Docker engine answers
 	$(PYTEST) -m compose --durations=5
@@ -80,9 +80,10 @@ adversary: $(VENV)/.dev ## search for the worst lie that one member can tell, on
 	@$(BIN)/python -m tests.hostile.adversary --count $(COUNT) --seed $(SEED)
 
 nights: COUNT = 1000
+nights: FIRST = 0
 nights: MINUTES = inf
-nights: $(VENV)/.dev ## whole teams in virtual time under faults that a seed draws, judged by oracles: COUNT=1000 SEED=1 MINUTES=5
-	@$(BIN)/python -m tests.nights --count $(COUNT) --seed $(SEED) --minutes $(MINUTES)
+nights: $(VENV)/.dev ## whole teams in virtual time under faults that a seed draws, judged by oracles: COUNT=1000 SEED=1 FIRST=50 MINUTES=5
+	@$(BIN)/python -m tests.nights --count $(COUNT) --seed $(SEED) --first $(FIRST) --minutes $(MINUTES)
 
 soak: $(VENV)/.run ## a team in real time that is killed, frozen, restarted and cut off, and must stay as it is: MINUTES=10 SEED=1
 	@$(BIN)/python -m blackboard.chaos soak --minutes $(MINUTES) --seed $(SEED)

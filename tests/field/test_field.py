@@ -9,7 +9,7 @@ import pytest
 from examples.field.world import Truth, World
 from tests.field.play import Field, Score, Scores, add_all, new_scenario, new_scores
 
-pytestmark = pytest.mark.team
+pytestmark = pytest.mark.long
 SEEDS = (101, 102)  # the longer runs of `python -m tests.field.play` are on others
 SECONDS = 40.0
 
@@ -56,7 +56,6 @@ def test_the_ball_is_about_where_the_central_filter_has_it(scores: Scores) -> No
     assert scores["team"]["ball"].rmse <= 1.25 * scores["central"]["ball"].rmse
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("unplaced", "alone", "judged"),
     [(("r2", "r3"), None, ("r1", "r2", "r3")), (("r2",), "range", ("r2",)), (("r2",), "bearing", ("r2",))],
@@ -99,7 +98,6 @@ def test_a_robot_with_a_gps_that_never_tells_any_odometry_misleads_nobody() -> N
         assert scores[robot].coverage() >= 0.85
 
 
-@pytest.mark.long
 def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_no_liars() -> None:
     """They add little new to what the team believes, and some of that is new. Before, the ball was lost: 1.4 m, coverage .58."""
     by_who = Field(World(101), new_scenario(Truth(), told=False), phases={"r2": 0.03, "r3": 0.06}, cautious=3.0).play(

@@ -47,7 +47,7 @@ def test_what_is_agreed_is_at_most_as_old_as_a_step(fusion: str) -> None:
     assert max(published.field.ages) <= STEP + ALMOST
 
 
-@pytest.mark.parametrize("period", [0.05, 0.2, 1.0])
+@pytest.mark.parametrize("period", [0.2, *(pytest.param(period, marks=pytest.mark.long) for period in (0.05, 1.0))])
 def test_each_settlement_has_a_tick_of_its_own(period: float) -> None:
     published = Published(period=period, began=0.013)
     assert all(len(payloads) == 1 for payloads in published.names.values())

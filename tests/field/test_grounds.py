@@ -7,7 +7,7 @@ import pytest
 from tests.field.grounds import Ground, Grounds
 from tests.field.play import Score
 
-pytestmark = pytest.mark.team
+pytestmark = pytest.mark.long
 
 
 def test_robots_that_step_twice_a_second_know_how_exact_they_are() -> None:

@@ -7,7 +7,7 @@ from blackboard.board.service import board_of
 from examples.field.world import Truth, World
 from tests.field.play import CHI, SETTLED, Field, new_scenario
 
-pytestmark = pytest.mark.team
+pytestmark = pytest.mark.long
 KILLED, BACK, END = 15.0, 15.6, 20.0  # seconds
 SEED = 114
 #: Wheels by which alone a robot soon no longer knows where it is.

@@ -6,7 +6,7 @@ from examples.field.world import BALL
 from tests.field.play import Score, Scores, add_all, new_scores
 from tests.field.yard import KITS, World, Yard
 
-pytestmark = pytest.mark.team
+pytestmark = pytest.mark.long
 SEEDS = (931, 932)  # for longer runs on others: `python -m tests.field.yard FIRST PAST`
 
 

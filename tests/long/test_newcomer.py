@@ -1,6 +1,6 @@
 """The newcomer's path: README.md, docs/tutorial.md and docs/hosts.md from a clone on, their commands one after the other in the clone itself.
 
-What docs/tutorial.md says runs at its full length, in the clone and once more with the wheel in an empty environment elsewhere.
+What docs/tutorial.md says runs at its full length, with the wheel in an empty environment elsewhere.
 """
 
 import os
@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import urllib.request
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -115,11 +115,8 @@ def test_make_demo_in_a_clone(made: tuple[Path, str]) -> None:
         assert_told(" ".join(row.split()), " ".join(shown[0].split()[: len(row.split())]), may_differ(said))
 
 
-def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
-    """Its commands one after the other in a folder whose `.venv` has the package with the extras of the page.
-
-    `shorter`: what is added to the command lines in which these words stand.
-    """
+def follow_the_tutorial(where: Path) -> None:
+    """Its commands one after the other in a folder whose `.venv` has the package with the extras of the page."""
     for code in blocks("tutorial.md"):
         if code.language == "toml":
             (where / "my-team.toml").write_text(code.text)
@@ -129,27 +126,21 @@ def follow_the_tutorial(where: Path, shorter: Mapping[str, str]) -> None:
             if " view " in command:
                 with started(where, f"{command} --port {free_port()}") as viewer:
                     assert "<title>" in page(viewer)
+            elif " sweep " in command:
+                shell(where, f"{command} --seconds 5", (0, 1))  # 1: so short a run need not PASS
             else:
-                more = [flags for words, flags in shorter.items() if words in command]
-                # So short a run need not PASS.
-                said = shell(where, " ".join([command, *more]), (0, 1) if more else (0,))
+                said = shell(where, command)
                 if " demo --record" in command:
                     off = may_differ(said)
-                if " why robot/r1 " in command and " demo --record" not in shorter:
+                if " why robot/r1 " in command:
                     shown = block("tutorial.md", "robot/r1 is believed").text
                     assert_told(shown, "".join(said.splitlines(keepends=True)[:2]), off)
                 assert said or "--out" in command, command
     assert (where / "run.csv").stat().st_size > 10_000
 
 
-def test_the_tutorial_from_its_first_to_its_last_line(made: tuple[Path, str]) -> None:
-    clone, _ = made
-    shell(clone, block("tutorial.md", "make demo").commands[1])
-    follow_the_tutorial(clone, {" sweep ": "--seconds 5"})
-
-
-def test_the_tutorial_and_the_readme_with_the_wheel_alone(clone: Path, tmp_path: Path) -> None:
-    """In an empty environment, in a folder that has nothing of the repository."""
+def test_the_tutorial_from_its_first_to_its_last_line(clone: Path, tmp_path: Path) -> None:
+    """With the wheel in an empty environment, in a folder that has nothing of the repository. What README.md names is among its commands."""
     _, install, *_ = block("tutorial.md", "make demo").commands
     readme, record, why = block("README.md", ".venv/bin/pip install -e '.[record").commands
     assert install == readme
@@ -162,7 +153,7 @@ def test_the_tutorial_and_the_readme_with_the_wheel_alone(clone: Path, tmp_path:
         str(tmp_path)
     )
     assert {record, why} < {command for code in blocks("tutorial.md") for command in code.commands}
-    follow_the_tutorial(tmp_path, {" demo --record": "--seconds 21", " sweep ": "--seconds 2"})
+    follow_the_tutorial(tmp_path)
 
 
 def test_what_it_believes_and_why(made: tuple[Path, str]) -> None:

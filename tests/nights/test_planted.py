@@ -59,6 +59,7 @@ NIGHTS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", NIGHTS)
 def test_a_bug_is_noticed_in_the_night_that_it_takes(name: str) -> None:
     assert live(NIGHTS[name]) is None

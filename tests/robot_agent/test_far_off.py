@@ -63,6 +63,7 @@ def as_told() -> list[float]:
     return [course(seed)[0] for seed in SEEDS]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("askew", [0.1, 0.2])
 def test_it_is_soon_about_as_exact_as_with_a_camera_that_looks_ahead(askew: float, as_told: list[float]) -> None:
     """It was 2.3 to 4.5 times as far off."""

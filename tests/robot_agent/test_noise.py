@@ -84,6 +84,7 @@ def along(noise: WheelNoise) -> float:
     return math.sqrt(noise.found["along"].variance)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("true", "heading"), [(1.0, 0.0), (2.0, 2.0), (4.0, 0.0)])
 def test_the_error_along_the_way_is_found_after_ten_minutes(true: float, heading: float) -> None:
     """To what the prior holds back, and a fifth."""
@@ -92,6 +93,7 @@ def test_the_error_along_the_way_is_found_after_ten_minutes(true: float, heading
     assert (np.mean(errors) - true) * (true - 1) <= 0.2 * true, "what may be luck is not used"
 
 
+@pytest.mark.long
 def test_wheels_that_are_as_the_physics_say_are_taken_for_those_after_two_minutes() -> None:
     """Two minutes have seven long spans: one drive in many looks half as noisy again as it is."""
     errors = [along(driven(1.0, 120, seed)) for seed in range(16)]
@@ -109,6 +111,7 @@ def test_it_begins_with_the_physics_and_one_span_moves_it_little() -> None:
     assert all(driven(1.0, int(SPAN) + 2, seed).found["along"].variance < 2.0**2 for seed in range(20))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("true", [0.5, 1.0, 4.0])
 def test_a_guessed_model_is_replaced_by_what_is_seen(true: float) -> None:
     assert along(driven(1.0, 1, 1, given=False)) == 1.0
@@ -197,6 +200,7 @@ def test_one_misread_correction_is_not_taken_for_the_wheels(by_team: bool) -> No
 NUMBERS = st.floats(-1e4, 1e4)
 
 
+@pytest.mark.long
 @given(st.lists(st.tuples(NUMBERS, NUMBERS, st.floats(0, 1e4)), max_size=40), st.booleans(), st.booleans())
 def test_it_stays_between_the_physics_and_eight_times_them_whatever_is_said(
     spans: list[tuple[float, float, float]], given: bool, by_team: bool

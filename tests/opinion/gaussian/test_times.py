@@ -165,6 +165,7 @@ def compared(seeds: int, *, timed: bool, tick: int = TICK, prompt: bool = False)
     return math.sqrt(float(ours.mean() / its.mean()))
 
 
+@pytest.mark.long
 def test_ticks_that_end_at_different_times_cost_nothing_against_a_filter_that_has_every_reading_at_its_time() -> None:
     assert compared(3, timed=True) < 1.1
     assert compared(1, timed=False) > 1.4, "without the times it is far worse, so that the test can fail"

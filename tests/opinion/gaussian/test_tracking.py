@@ -315,6 +315,7 @@ def told_of_two(seed: int, between: float) -> tuple[Array, Array]:
     return np.array(sigmas), np.array(errors)
 
 
+@pytest.mark.long
 def test_where_two_that_meet_are_is_told_as_much_less_exactly_as_it_is_known() -> None:
     apart, met = (np.array([told_of_two(seed, between) for seed in range(12)]) for between in (4.0, 0.1))
     assert (met[:, 0].min(axis=1) > apart[:, 0].max(axis=1)).all()
