@@ -13,7 +13,7 @@ from blackboard.chaos.lies.catalogue import CATALOGUE, Lie
 from blackboard.chaos.lies.changes import Absurd, Off
 from blackboard.chaos.lies.liar import Liar
 from blackboard.chaos.lies.trial import guests_of, liars_of, lying_team, run_lie, span
-from blackboard.config import Scenario
+from blackboard.config import Scenario, load
 from blackboard.errors import UserError
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
@@ -60,6 +60,15 @@ class Played:
 @cache
 def calm(fusion: str) -> Played:
     return Played(TEAM.changed("board", fusion=fusion), None)
+
+
+@pytest.mark.long
+def test_a_team_that_is_too_large_to_count_what_each_has_moved_goes_on() -> None:
+    """Before, what its liar had moved could not be taken back, and boards went on without all that it said."""
+    names = [f"r{k + 1}" for k in range(22)]
+    scenario = load("demo").changed("team", sub_teams={"a": names[:11], "b": names[11:]}).changed("time", seconds=7.0)
+    team = Played(scenario, CATALOGUE["apart-bearings"]).team
+    assert not any(board.counters["failed"] for board in team.boards.values())
 
 
 @pytest.mark.parametrize(("fusion", "lie"), TRIED)
