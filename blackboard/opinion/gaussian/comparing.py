@@ -113,7 +113,7 @@ def _add(team: TeamState, evidence: Evidence, belief: Moments) -> None:
     with team.blaming(evidence.robot):
         add_alike(team.joint, evidence.robot, belief, nuisance, like if nuisance.alike else [])
         team.entered[evidence.robot] = team.joint.moments(evidence.robot)
-        restore_errors(team, evidence.robot)
+        restore_errors(team, evidence.robot, AGAIN)
         if evidence.compass is not None:
             mount = _compass(team, evidence)
             team.joint.begin({error.block: error.known(team.joint) for error in (mount, team.north)})

@@ -44,13 +44,15 @@ def widen_priors(team: TeamState) -> None:
             _widen_prior(team, robots, _states(team, robots, error.state), error, WIDE[error.state])
 
 
-def restore_errors(team: TeamState, robot: str) -> None:
+def restore_errors(team: TeamState, robot: str, wider: float) -> None:
     """Give a robot that has entered again the errors that it had been found to have (`kept`); all else follows by regression.
 
-    The belief with which it enters rests on the prior that was contradicted.
+    The belief with which it enters rests on the prior that was contradicted. The variances are `wider` times what they were, because
+    its mates rest on the same evidence. Robots of one make enter with what their mates have learned, of this one, too (`alike`).
     """
-    for state, (mean, variance) in team.kept.pop(robot, {}).items():
-        replace_prior(team.joint, team.joint.blocks[robot].start + state, mean, variance)
+    kept = team.kept.pop(robot, {})
+    for state, (mean, variance) in kept.items() if not team.known[robot].nuisance.alike else ():
+        replace_prior(team.joint, team.joint.blocks[robot].start + state, mean, wider * variance)
         team.widened[robot] = (*team.widened.get(robot, ()), state)
 
 
