@@ -291,9 +291,12 @@ class ClockOff(Fault):
 
 @dataclass(frozen=True)
 class Suspended(Frozen):
-    """The machine of a process sleeps: its clock stands meanwhile, and is behind from then on."""
+    """The machine of a process sleeps: its clock stands meanwhile, and is behind from then on.
 
-    recovery = 8.0
+    How far others are ahead of it is found by their statuses, one a second; until then it refuses what they say.
+    """
+
+    recovery = 12.0
 
     def moments(self) -> Iterator[float]:
         yield from _steps(self.begin, self.end, STEP)

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from blackboard.board.board import Board
+from blackboard.board.service import BoardService
 from blackboard.opinion.classes import is_class
 from blackboard.opinion.gaussian.evidence import Evidence
 from blackboard.opinion.gaussian.increment import likelihood
@@ -21,7 +22,7 @@ from blackboard.opinion.gaussian.naming import Unnamed
 from blackboard.opinion.gaussian.vehicle import AXES, Motion, correct, drive
 from blackboard.wire.evidence import PackedEvidence, PackedRelative, Seen
 from blackboard.wire.messages import Consensus, Report, Used
-from tests.nights.events import Began, Event, Said, Stepped
+from tests.nights.events import Began, Event, Moved, Said, Stepped
 from tests.nights.night import Night
 from tests.nights.oracles import Oracle
 
@@ -194,19 +195,25 @@ class SightingsAreToldOnce(Oracle):
 
 
 class SameEvidenceSameBits(Oracle):
-    """Boards that settled the same agree to the bit; in lockstep, where nothing is learned, all do once the team is well again."""
+    """Boards that settled the same agree to the bit; in lockstep, where nothing is learned, all do once the team is well again.
 
-    sees = (Stepped, Said)
+    Opinions are told apart by all but their beliefs, so only those of one run of a world are compared.
+    """
+
+    sees = (Stepped, Said, Moved)
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
         self._settled: dict[
             str, tuple[Board, int]
         ] = {}  # process -> its board, and all that its joint has taken, as one number
+        self._runs: dict[str, str] = {}  # process -> the run of the world that it follows
         self._agreed: dict[tuple[object, ...], tuple[str, Consensus]] = {}
 
     def see(self, event: Event) -> None:
-        if isinstance(event, Stepped):
+        if isinstance(event, Moved) and isinstance(event.service, BoardService):
+            self._runs[event.process] = event.service.clock.run
+        elif isinstance(event, Stepped):
             board, before = self._settled.get(event.process, (event.board, 0))
             before = before if board is event.board else 0
             batch = tuple(sorted((*name_of(evidence), evidence.time) for evidence in event.batch))
@@ -227,7 +234,7 @@ class SameEvidenceSameBits(Oracle):
         ):
             same.append("well")
         for what in same:
-            key = what, consensus.tick, consensus.time, consensus.subject
+            key = what, self._runs.get(event.process), consensus.tick, consensus.time, consensus.subject
             process, other = self._agreed.setdefault(key, (event.process, consensus))
             # What is drawn of a robot that was not heard spreads by its speed, which not every board needs to have heard.
             if (other.state or other.belief) != (consensus.state or consensus.belief):

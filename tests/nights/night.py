@@ -13,7 +13,7 @@ from blackboard import POOLS
 from blackboard.chaos.lies.catalogue import CATALOGUE
 from blackboard.config import Scenario
 from tests.nights import faults
-from tests.nights.faults import Fault
+from tests.nights.faults import Fault, Frozen, SecondWorld, Slow, WorldKilled
 
 T = TypeVar("T")
 
@@ -141,7 +141,13 @@ class Night:
     @property
     def well(self) -> float:
         """Seconds after which the team must be well again."""
-        return max((fault.end + fault.recovery for fault in self.faults), default=FIRST)
+        return max((self._noticed(fault) + fault.recovery for fault in self.faults), default=FIRST)
+
+    def _noticed(self, fault: Fault) -> float:
+        """When everybody can know that a fault has ended: who was frozen hears of another world only once it goes on."""
+        is_another = isinstance(fault, WorldKilled | SecondWorld) or fault.renews("world")
+        frozen = [other.end for other in self.faults if isinstance(other, Frozen | Slow) and other.begin <= fault.end]
+        return max([fault.end, *frozen]) if is_another else fault.end
 
     @property
     def end(self) -> float:
