@@ -89,9 +89,9 @@ def enter(team: TeamState, evidence: Evidence) -> bool:
     if known is None or known.epoch != evidence.epoch:
         team.known[robot] = Known(evidence.epoch, evidence.travelled, nuisance=evidence.nuisance)
         team.drop(robot)
+        team.contacts.begin(robot)
         if known is None or known.nuisance != evidence.nuisance:
             team.kept.pop(robot, None)
-        team.contacts.begin(robot)
     if robot in team.joint or evidence.belief is None:
         return False
     own = team.limits.entering(robot, evidence.belief)

@@ -49,7 +49,7 @@ class Contradiction(NamedTuple):
     state: int
     mean: float
     variance: float
-    beyond: float  # its squared distance from the prior, over the limit
+    beyond: float  # its squared distance from the prior, over the limit; 0 where other robots contradicted that prior
 
 
 #: Of a lasting error: its state; mean and variance by its prior and of what is believed; mean and sigma of the wide prior.

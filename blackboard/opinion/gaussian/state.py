@@ -143,7 +143,10 @@ class TeamState(Copyable):
         return other
 
     def drop(self, subject: str, *, again: bool = False) -> None:
-        """Forget a subject, and the lasting errors of its sightings and of those of it. If it enters `again`, its compass's stay."""
+        """Forget a subject, and the lasting errors of its sightings and of those of it. If it enters `again`, its compass's stay.
+
+        What was found of a robot's sensors is `kept`.
+        """
         self.influence.drop(subject)
         self.strayed.forget(subject)
         if states := self.widened.pop(subject, ()):
