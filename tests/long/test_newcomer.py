@@ -23,7 +23,7 @@ from tests.files import ROOT
 from tests.processes import Program, wait_until
 from tests.snippets import block, blocks
 
-pytestmark = pytest.mark.timeout(1200)
+pytestmark = pytest.mark.timeout(2400)
 
 
 def environment() -> dict[str, str]:
