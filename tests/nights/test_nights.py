@@ -74,6 +74,16 @@ def test_a_tape_without_room_for_new_keys_is_replayed_until_it_misses_what_the_t
     assert live(Night(team, drawn, 715438800)) is None
 
 
+@pytest.mark.long
+def test_a_team_that_is_too_large_to_count_what_each_has_moved_lives_through_a_liar() -> None:
+    """Drawn teams have eight robots at most."""
+    names = [f"r{k + 1}" for k in range(21)]
+    team = Team(
+        {"a": tuple(names[:11]), "b": tuple(names[11:])}, "free", boards=1, patience=1.0, tick=1.0, fusion="joint"
+    )
+    assert live(Night(team, (faults.Lies(2.0, 8.0, "robot/r2", "off-8"),))) is None
+
+
 def test_a_seed_and_a_number_are_always_the_same_night() -> None:
     nights = [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
     assert nights == [draw_night(seed, number) for seed in (1, 2) for number in range(30)]
