@@ -75,6 +75,13 @@ def test_a_tape_without_room_for_new_keys_is_replayed_until_it_misses_what_the_t
 
 
 @pytest.mark.long
+def test_a_liar_about_all_that_its_team_sees_lists_no_more_than_a_message_holds() -> None:
+    team = Team({"a": ("r1", "r2")}, "lockstep", boards=1, patience=1.0, tick=0.5, fusion="joint")
+    lies = faults.Lies(3.0, 4.1, "robot/r1", "objects-always"), faults.Crowd(3.0, 4.0, "a", 260)
+    assert live(Night(team, lies)) is None
+
+
+@pytest.mark.long
 def test_a_team_that_is_too_large_to_count_what_each_has_moved_lives_through_a_liar() -> None:
     """Drawn teams have eight robots at most."""
     names = [f"r{k + 1}" for k in range(21)]

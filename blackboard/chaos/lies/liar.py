@@ -13,6 +13,7 @@ from blackboard.wire import keys
 from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, Report, Status
+from blackboard.wire.types import MAX_OPINIONS
 
 MAX_PAST = 256  # ticks whose honest reports it remembers
 
@@ -78,5 +79,5 @@ class Liar(Around):
         if self.begin <= status.time < self.end and self.lie.is_told(status.time - self.begin):
             clocks = [change for change in self.lie.changes if isinstance(change, WrongClock)]
             ahead = sum(clock.seconds + clock.rate * (status.time - self.begin) for clock in clocks)
-        changed = status.model_copy(update={"subjects": listed, "time": status.time + ahead})
+        changed = status.model_copy(update={"subjects": listed[:MAX_OPINIONS], "time": status.time + ahead})
         return envelope if changed == status else Envelope(envelope.key, encode(changed))
