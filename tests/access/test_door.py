@@ -47,6 +47,9 @@ def test_r1_writes_as_itself_and_as_nobody_else(let_in: Enter, shut: Shut, how: 
     for key in SPOOFED[how]:
         r1.send(put(key, b"forged"))
         r1.send(Envelope(key, kind=Kind.DELETE))
+    first, told = put(SPOOFED[how][0], b"forged"), f"denied: 'robot/r1/1 may not put {SPOOFED[how][0]}"
+    # again and again: a publisher sends nothing before it has heard of a subscriber
+    wait_until(lambda: r1.send(first) or told in shut[1].err, f"the door says {told}")
     r1.token("cop/t/a/member/r1")
     letters.until(alive("cop/t/a/member/r1"))
     for own in map(put, OWN):
@@ -55,7 +58,6 @@ def test_r1_writes_as_itself_and_as_nobody_else(let_in: Enter, shut: Shut, how: 
     assert b"forged" not in {e.payload for e in letters.read}
     assert not [e for e in viewer.get("cop/**") if e.payload == b"forged"]
     wait_until(lambda: denied(r1) > before, "the denied itself is told")
-    shut[1].says("denied: 'robot/r1/1 may not put " + SPOOFED[how][0])
 
 
 def test_r1_holds_its_own_token_and_no_other(let_in: Enter) -> None:
