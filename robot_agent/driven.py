@@ -79,7 +79,7 @@ class SinceStep:
         before, fix = self.fix, later.fix or self.fix
         if fix is not None and fix.heading is None and before is not None and before.heading is not None:
             told = {"heading": before.heading, "heading_sigma": before.heading_sigma}
-            fix = fix.model_copy(update=told)  # the newer fix has no heading, so the earlier one's is kept
+            fix = fix.model_copy(update=told)  # newer position, earlier heading
         return SinceStep(
             _both_ways(self.odometry, later.odometry),
             later.compass or self.compass,

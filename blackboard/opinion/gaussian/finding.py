@@ -48,11 +48,13 @@ def restore_errors(team: TeamState, robot: str, wider: float) -> None:
     """Give a robot that has entered again the errors that it had been found to have (`kept`); all else follows by regression.
 
     The belief with which it enters rests on the prior that was contradicted. The variances are `wider` times what they were, because
-    its mates rest on the same evidence. Robots of one make enter with what their mates have learned, of this one, too (`alike`).
+    its mates rest on the same evidence; that of the wide prior is the largest. Robots of one make (`alike`) enter with the scales that
+    their mates have learned, also from this robot.
     """
     kept = team.kept.pop(robot, {})
     for state, (mean, variance) in kept.items() if not team.known[robot].nuisance.alike else ():
-        replace_prior(team.joint, team.joint.blocks[robot].start + state, mean, wider * variance)
+        at = team.joint.blocks[robot].start + state
+        replace_prior(team.joint, at, mean, min(wider * variance, WIDE[state] ** 2))
         team.widened[robot] = (*team.widened.get(robot, ()), state)
 
 

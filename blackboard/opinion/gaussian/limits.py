@@ -107,9 +107,9 @@ class Limits(Copyable):
             correct(alone, heading_factor(alone, robot, reading.heading - reading.bias, math.sqrt(reading.variance)))
 
     def without_echo(self, robot: str, increment: Increment | None, told: Moments | None) -> Increment | None:
-        """Keep the belief `told` in a report, and return the report's increment; None where that is an echo.
+        """The increment of a report, or None where it holds more information on the robot's place than its belief has gained.
 
-        An echo says more of the robot's place than its belief has gained since the last report.
+        Such an increment is an echo of what the team told the robot. `told` is the belief in the report; it is kept for the next one.
         """
         believed = self._believed.pop(robot, None)
         if self.sharpest and told is not None:

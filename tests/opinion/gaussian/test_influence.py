@@ -135,7 +135,7 @@ def test_an_object_is_not_held_to_have_moved_the_way_that_another_one_went() -> 
 
 
 def test_of_a_robot_of_a_team_that_is_too_large_to_be_counted_nothing_is_taken_back() -> None:
-    """Before, it was a fault: a team of 20 or more went on without the evidence of whoever was doubted."""
+    """Before, this was a TypeError in teams of 20 robots or more, and boards left out all evidence of a robot that was doubted."""
     joint, influence, robots = Joint(), Influence(), [f"robot/r{k}" for k in range(20)]
     for robot in robots:
         joint.add(robot, Moments(np.zeros(STATES), np.eye(STATES)))
