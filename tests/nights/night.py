@@ -144,7 +144,7 @@ class Night:
         return max((self._noticed(fault) + fault.recovery for fault in self.faults), default=FIRST)
 
     def _noticed(self, fault: Fault) -> float:
-        """When everybody can know that a fault has ended: who was frozen hears of another world only once it goes on."""
+        """When every process can know that a fault has ended: a frozen one hears of a new world only when it goes on."""
         is_another = isinstance(fault, WorldKilled | SecondWorld) or fault.renews("world")
         frozen = [other.end for other in self.faults if isinstance(other, Frozen | Slow) and other.begin <= fault.end]
         return max([fault.end, *frozen]) if is_another else fault.end
