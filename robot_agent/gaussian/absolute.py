@@ -37,6 +37,7 @@ from robot_agent.gaussian.mounts import Antenna
 #: Seconds after which the lasting error of a fix is another one, an Ornstein-Uhlenbeck process as of receivers at rest (Sensors
 #: 20(21), 6050, 2020): between what is best for errors that last 5 s and 60 s, on development seeds (docs/notes/wrong-models.md).
 LASTS = 30.0
+OVERRATED = 9.0  # times the variance with which fixes counted: what they told of scales is then worth nothing
 FARTHEST = 4.0  # times the squared distance of the gate: farther off, a reading says nothing
 #: Readings in a row beyond the gate, and seconds that they span, after which the belief counts as wrong.
 FEWEST, PATIENCE = 5, 5.0
@@ -99,6 +100,8 @@ class AbsoluteSensors:
     fix: NoiseFactor = field(default_factory=NoiseFactor)  # of the independent noise of fixes
     headings: dict[str, NoiseFactor] = field(default_factory=dict)  # of the noise of headings: "compass", "fix heading"
     drifting: Drifting = field(default_factory=Drifting)
+    is_noisier: bool = False  # whether the newest fix showed that those before it counted for far too much
+    _counted: float = 1.0  # the factor of the claimed variance with which they did
     _factors: dict[str, NoiseFactors] = field(default_factory=dict)
     antenna: Antenna = field(init=False)
     compass: Mount = field(init=False)
@@ -130,7 +133,7 @@ class AbsoluteSensors:
 
     def forget(self) -> None:
         """The belief was given up: the next fix is not compared with the one before."""
-        self._newest, self._since = None, None
+        self._newest, self._since, self.is_noisier = None, None, False
         self._beyond.clear()
         self.drifting.forget()
 
@@ -167,9 +170,13 @@ class AbsoluteSensors:
 
         A compass that may be askew is taken before (`on_compass`). Whether there is a fix that is not beyond the gate.
         """
+        self.is_noisier = False
         if (fix := readings.fix) is not None:
             self._judge(joint, fix, readings.time)
-            self.antenna.on_noise(joint, surely(*self.fix.log), at_most(*self.fix.log))
+            noise = surely(*self.fix.log)
+            self.is_noisier = noise > OVERRATED * self._counted
+            self._counted = noise if self.is_noisier else self._counted
+            self.antenna.on_noise(joint, noise, at_most(*self.fix.log))
             self._correct(joint, "fix", self.fix_factor(joint, fix, joint), readings.time)
         for name, (heading, sigma) in headings(readings, compass).items():
             if name != "compass" or not self._is_open:
@@ -221,7 +228,7 @@ class AbsoluteSensors:
 
     def forget_noise(self) -> None:
         """Forget what was learned of the noise of fixes, because the odometry that it was learned by was wrong."""
-        self.fix = NoiseFactor()
+        self.fix, self._counted = NoiseFactor(), 1.0
         self._factors.pop("fix", None)
 
     def _judge(self, joint: Joint, fix: Fix, time: float) -> None:
