@@ -36,15 +36,15 @@ __all__ = ["Driven", "Independence", "Pose", "SinceStep", "driven", "of_particle
 
 log = logging.getLogger(__name__)
 
-#: Wheels and cameras that were not described, with errors that last. Ways and turns err by some percent, as of wheeled robots that
-#: nobody calibrated (Borenstein and Feng, IEEE Trans. Robotics and Automation 12(6), 1996): a wheel's radius and a track from a data
-#: sheet, or commands in place of odometry. Where a turn's scale is thought to be exact, its error is taken for one of the ways or of
-#: the camera. Cameras are fastened to a degree. Ranges of calibrated cameras and radios err less than ways. What surely errs by more
-#: is found out (`opinion.gaussian.priors`).
+#: Wheels and cameras that were not described, with errors that last. Ways err by some percent, as of wheeled robots that nobody
+#: calibrated (Borenstein and Feng, IEEE Trans. Robotics and Automation 12(6), 1996): a wheel's radius from a data sheet, or commands
+#: in place of odometry. Turns err by more, because wide or slipping wheels have another track (Mandow et al., IROS 2007). Where a
+#: turn's scale is thought to be exact, its error is taken for one of the ways or of the camera. Cameras are fastened to a degree.
+#: Ranges of calibrated cameras and radios err less than ways. What surely errs by more is found out (`opinion.gaussian.priors`).
 #: Fresh errors of the way are a share of the speed, so that they fit small robots and cars; a turn on the spot adds a few mm. Across
 #: the way they are as large as along it: it may skid.
 UNKNOWN_WHEELS = Wheels(
-    Nuisance(sigmas=(0.1, 0.1, 0.003, 0.02, 0.0, 0.05), walks=(0.003, 0.003, 0.0001)),
+    Nuisance(sigmas=(0.1, 0.15, 0.003, 0.02, 0.0, 0.05), walks=(0.003, 0.003, 0.0001)),
     along=0.002,
     across=0.002,
     heading=0.02,

@@ -5,6 +5,9 @@ independent noise of each. Where it is larger than claimed, it counts. Where it 
 the rest of it counts as an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as
 one at the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
 
+A fix that claims far too much looks like a scale of the wheels. So fixes tell nothing of the scales until their noise is known: the
+feedback is cut (Plummer, Statistics and Computing 25(1), 2015).
+
 Compass and antenna may be mounted otherwise than told (`mounts`); that is left out where the robot's model has no lasting errors.
 
 No two measurements are equal to the last bit: a receiver that sees no satellite repeats its last fix, and many drivers publish that.
@@ -27,8 +30,23 @@ from blackboard.opinion.gaussian.mounts import (
     heading_factor,
     surely,
 )
+from blackboard.opinion.gaussian.priors import replace_prior
 from blackboard.opinion.gaussian.relation import bias_block
-from blackboard.opinion.gaussian.vehicle import AXES, FLAT, HEADING, STATES, Motion, Nuisance, correct, drive, wrap
+from blackboard.opinion.gaussian.vehicle import (
+    AXES,
+    CURVED_TURN,
+    CURVED_WAY,
+    FLAT,
+    FORWARD,
+    HEADING,
+    STATES,
+    TURN,
+    Motion,
+    Nuisance,
+    correct,
+    drive,
+    wrap,
+)
 from blackboard.wire.messages import Fix, Readings
 from robot_agent.gaussian.drifting import Drifting
 from robot_agent.gaussian.factors import NoiseFactor, NoiseFactors
@@ -37,7 +55,6 @@ from robot_agent.gaussian.mounts import Antenna
 #: Seconds after which the lasting error of a fix is another one, an Ornstein-Uhlenbeck process as of receivers at rest (Sensors
 #: 20(21), 6050, 2020): between what is best for errors that last 5 s and 60 s, on development seeds (docs/notes/wrong-models.md).
 LASTS = 30.0
-OVERRATED = 9.0  # times the variance with which fixes counted: what they told of scales is then worth nothing
 FARTHEST = 4.0  # times the squared distance of the gate: farther off, a reading says nothing
 #: Readings in a row beyond the gate, and seconds that they span, after which the belief counts as wrong.
 FEWEST, PATIENCE = 5, 5.0
@@ -100,8 +117,6 @@ class AbsoluteSensors:
     fix: NoiseFactor = field(default_factory=NoiseFactor)  # of the independent noise of fixes
     headings: dict[str, NoiseFactor] = field(default_factory=dict)  # of the noise of headings: "compass", "fix heading"
     drifting: Drifting = field(default_factory=Drifting)
-    is_noisier: bool = False  # whether the newest fix showed that those before it counted for far too much
-    _counted: float = 1.0  # the factor of the claimed variance with which they did
     _factors: dict[str, NoiseFactors] = field(default_factory=dict)
     antenna: Antenna = field(init=False)
     compass: Mount = field(init=False)
@@ -124,6 +139,11 @@ class AbsoluteSensors:
         """Whether the newest fix was beyond the gate."""
         return "fix" in self._beyond
 
+    @property
+    def _is_noise_known(self) -> bool:
+        """Whether the independent noise of fixes is known, to a factor of 2 of its sigma."""
+        return self.fix.is_judged and math.isfinite(at_most(*self.fix.log))
+
     def begin(self, joint: Joint, readings: Readings) -> None:
         """The belief begins with these readings."""
         self._newest = readings.fix
@@ -133,7 +153,7 @@ class AbsoluteSensors:
 
     def forget(self) -> None:
         """The belief was given up: the next fix is not compared with the one before."""
-        self._newest, self._since, self.is_noisier = None, None, False
+        self._newest, self._since = None, None
         self._beyond.clear()
         self.drifting.forget()
 
@@ -170,14 +190,13 @@ class AbsoluteSensors:
 
         A compass that may be askew is taken before (`on_compass`). Whether there is a fix that is not beyond the gate.
         """
-        self.is_noisier = False
         if (fix := readings.fix) is not None:
             self._judge(joint, fix, readings.time)
-            noise = surely(*self.fix.log)
-            self.is_noisier = noise > OVERRATED * self._counted
-            self._counted = noise if self.is_noisier else self._counted
-            self.antenna.on_noise(joint, noise, at_most(*self.fix.log))
+            self.antenna.on_noise(joint, surely(*self.fix.log), at_most(*self.fix.log))
+            before = joint.moments(self.robot)
             self._correct(joint, "fix", self.fix_factor(joint, fix, joint), readings.time)
+            if not self._is_noise_known:
+                _unlearn_scales(joint, self.robot, before)
         for name, (heading, sigma) in headings(readings, compass).items():
             if name != "compass" or not self._is_open:
                 self._take_heading(joint, name, heading_factor(joint, self.robot, heading, sigma), readings.time)
@@ -228,7 +247,7 @@ class AbsoluteSensors:
 
     def forget_noise(self) -> None:
         """Forget what was learned of the noise of fixes, because the odometry that it was learned by was wrong."""
-        self.fix, self._counted = NoiseFactor(), 1.0
+        self.fix = NoiseFactor()
         self._factors.pop("fix", None)
 
     def _judge(self, joint: Joint, fix: Fix, time: float) -> None:
@@ -262,3 +281,12 @@ class AbsoluteSensors:
             factor = replace(factor, noise=beyond * innovation.covariance - expected.spread)
         if beyond <= FARTHEST:
             correct(joint, factor)
+
+
+def _unlearn_scales(joint: Joint, robot: Block, before: Moments) -> None:
+    """Give the scales of a robot's wheels the means and variances of `before`, shape (12,) and (12, 12); all else follows."""
+    first = joint.blocks[robot].start
+    for state in (FORWARD, TURN, CURVED_WAY, CURVED_TURN):
+        mean, variance = before.of(state)
+        if joint.variances[first + state] < variance:
+            replace_prior(joint, first + state, mean, variance)

@@ -28,7 +28,6 @@ from blackboard.opinion.gaussian.vehicle import (
     ANYWHERE,
     AXES,
     CURVED_TURN,
-    CURVED_WAY,
     FLAT,
     FORWARD,
     HEADING,
@@ -304,8 +303,6 @@ class FirstHand:
         """
         if not self.known:
             return
-        if self.absolute.is_noisier:
-            self._unlearn_scales()
         nuisance, block = self.sensors.wheels.nuisance, self.joint.moments(self.robot)
         entered = entering(Moments(block.mean[POSE], block.covariance[POSE, POSE]), nuisance)
         worst = contradicted(block, entered, nuisance, (FORWARD, TURN, *self.widened))
@@ -322,16 +319,6 @@ class FirstHand:
             self.wheels.give_up()
             self.mishaps.forget()
             self._unsent.forget()
-
-    def _unlearn_scales(self) -> None:
-        """The scales get their prior once more: fixes counted for far too much, and an over-confident fix looks like a scale."""
-        prior, first = self.sensors.wheels.nuisance.prior(), self.joint.blocks[self.robot].start
-        for state in (FORWARD, TURN, CURVED_WAY, CURVED_TURN):
-            mean, variance = prior.of(state - FORWARD)
-            if self.joint.variances[first + state] < variance:
-                replace_prior(self.joint, first + state, mean, variance)
-        self.wheels.give_up()
-        self._unsent.forget()
 
     def _begin_epoch(self, time: float) -> None:
         """A new epoch begins at a team time (s).

@@ -42,7 +42,7 @@ def test_a_robot_whose_wheels_measure_nothing_leads_nobody_away(has_gps: bool) -
         (2, {"askew": 0.2}, 1.4, 0.9),
         (2, {"less": (0.7, 1.0)}, 1.5, 0.9),
         (2, {"compass": 0.2}, 2.0, 0.6),
-        (354, {"less": (1.0, 0.7)}, 3.5, 0.9),
+        (354, {"less": (1.0, 0.7)}, 2.2, 0.9),
     ],
     ids=["long ranges", "askew", "short ways", "compasses", "small turns"],
 )
