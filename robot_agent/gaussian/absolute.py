@@ -30,7 +30,6 @@ from blackboard.opinion.gaussian.mounts import (
     heading_factor,
     surely,
 )
-from blackboard.opinion.gaussian.priors import replace_prior
 from blackboard.opinion.gaussian.relation import bias_block
 from blackboard.opinion.gaussian.vehicle import (
     AXES,
@@ -45,6 +44,7 @@ from blackboard.opinion.gaussian.vehicle import (
     Nuisance,
     correct,
     drive,
+    turn_ties,
     wrap,
 )
 from blackboard.wire.messages import Fix, Readings
@@ -141,8 +141,8 @@ class AbsoluteSensors:
 
     @property
     def _is_noise_known(self) -> bool:
-        """Whether the independent noise of fixes is known, to a factor of 2 of its sigma."""
-        return self.fix.is_judged and math.isfinite(at_most(*self.fix.log))
+        """Whether the independent noise of fixes is known, to a factor of 3 of its sigma."""
+        return self.fix.is_judged and self.fix.sigma <= math.log2(3)
 
     def begin(self, joint: Joint, readings: Readings) -> None:
         """The belief begins with these readings."""
@@ -284,9 +284,8 @@ class AbsoluteSensors:
 
 
 def _unlearn_scales(joint: Joint, robot: Block, before: Moments) -> None:
-    """Give the scales of a robot's wheels the means and variances of `before`, shape (12,) and (12, 12); all else follows."""
-    first = joint.blocks[robot].start
-    for state in (FORWARD, TURN, CURVED_WAY, CURVED_TURN):
-        mean, variance = before.of(state)
-        if joint.variances[first + state] < variance:
-            replace_prior(joint, first + state, mean, variance)
+    """Give the scales of a robot's wheels the moments that they had `before`, shape (12,) and (12, 12); all else follows."""
+    at = np.flatnonzero(before.covariance.diagonal())
+    scales = at[np.isin(at, (FORWARD, TURN, CURVED_WAY, CURVED_TURN))]
+    known = Moments(before.mean[scales], before.covariance[np.ix_(scales, scales)])
+    turn_ties(joint, joint.restore(joint.blocks[robot].start + scales, known))

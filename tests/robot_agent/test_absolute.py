@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from blackboard.opinion.gaussian.vehicle import TURN
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Fix, Odometry, Readings
 from examples.field.world import Said, Truth, World
@@ -176,6 +177,15 @@ def test_a_wild_claim_of_certainty_costs_little(claimed: float, every: int, hone
     assert course.rmse <= 1.45 * sound.rmse
     assert course.coverage >= 0.85
     assert course.filter.found()["fix noise"] == pytest.approx(CLAIMED / claimed, rel=0.4)
+
+
+def test_exact_fixes_that_come_seldom_tell_the_scales_of_the_wheels() -> None:
+    """Their noise is known late, because the odometry between them errs by more. Before that they say nothing of scales."""
+    course = drive(Sensor(fresh=0.01), 0.01, every=50)
+    turn, variance = present(course.filter.belief).of(TURN)
+    assert variance <= 0.05**2
+    assert turn == pytest.approx(1.0, abs=0.1)
+    assert course.rmse <= 0.15
 
 
 @pytest.mark.parametrize("seconds", [10.0, 60.0])

@@ -290,6 +290,19 @@ class Joint:
         self.mean = self.mean + moved
         self.covariance = self.covariance + np.outer(coefficients, coefficients) * (variance - before)
 
+    def restore(self, states: Sequence[int], known: Moments) -> Array:
+        """Give some states, by their indices, this mean and covariance, shape (k,) and (k, k); all else follows by regression on them.
+
+        Returned is by how much all means have moved, shape (n,).
+        """
+        before = self.covariance[np.ix_(states, states)]
+        coefficients = self.covariance[:, states] @ np.linalg.pinv(before, hermitian=True)
+        moved: Array = coefficients @ (known.mean - self.mean[states])
+        added = coefficients @ (known.covariance - before) @ coefficients.T
+        self.mean = self.mean + moved
+        self.covariance = self.covariance + (added + added.T) / 2
+        return moved
+
     def decay(self, keep: Mapping[Block, float]) -> None:
         """Blocks of mean zero forget: the share `keep` of each stays, and noise brings back the stationary variance of 1."""
         if not keep:

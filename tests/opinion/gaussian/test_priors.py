@@ -33,6 +33,7 @@ from blackboard.opinion.gaussian.vehicle import (
     HEADING,
     RANGE,
     STATES,
+    TURN,
     Motion,
     Nuisance,
     entering,
@@ -81,6 +82,26 @@ def test_what_is_believed_is_what_a_filter_with_the_wide_prior_has(state: int, s
     assert joint.mean == pytest.approx(anew.mean, abs=1e-6)
     assert joint.covariance == pytest.approx(anew.covariance, abs=1e-6)
     assert abs(joint.mean[at] - USUAL.mean[state] - off) < 4 * np.sqrt(joint.variances[at])
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=SEEDS)
+def test_states_that_are_restored_leave_what_depends_on_them_as_it_was(seed: int) -> None:
+    """The slow way: what is believed for each value of these states, weighed by their moments of before."""
+    joint, states = measured(seed, BEARING, 0.01, NARROW), np.array([FORWARD, TURN])
+    rest, before = np.setdiff1d(np.arange(2 * STATES), states), entering(POSE, NARROW)
+    known = Moments(before.mean[states], before.covariance[np.ix_(states, states)])
+    given = joint.covariance[np.ix_(rest, states)] @ np.linalg.inv(joint.covariance[np.ix_(states, states)])
+    spread = joint.covariance[np.ix_(rest, rest)] - given @ joint.covariance[np.ix_(states, rest)]
+    mean = joint.mean[rest] + given @ (known.mean - joint.mean[states])
+    then = joint.mean
+    moved = joint.restore(states, known)
+    assert joint.mean == pytest.approx(then + moved)
+    assert joint.mean[states] == pytest.approx(known.mean)
+    assert joint.covariance[np.ix_(states, states)] == pytest.approx(known.covariance)
+    assert joint.mean[rest] == pytest.approx(mean)
+    assert joint.covariance[np.ix_(rest, rest)] == pytest.approx(spread + given @ known.covariance @ given.T)
+    assert np.array_equal(joint.covariance, joint.covariance.T)
 
 
 def test_of_models_that_hold_one_in_a_hundred_at_most_is_contradicted() -> None:
