@@ -36,13 +36,14 @@ __all__ = ["Driven", "Independence", "Pose", "SinceStep", "driven", "of_particle
 
 log = logging.getLogger(__name__)
 
-#: Wheels and cameras that were not described, with errors that last. Ways err by some percent, as of wheeled robots that nobody
-#: calibrated (Borenstein and Feng, IEEE Trans. Robotics and Automation 12(6), 1996): a wheel's radius from a data sheet, or commands
-#: in place of odometry. Turns err by more, because wide or slipping wheels have another track (Mandow et al., IROS 2007). Where a
-#: turn's scale is thought to be exact, its error is taken for one of the ways or of the camera. Cameras are fastened to a degree.
-#: Ranges of calibrated cameras and radios err less than ways. What surely errs by more is found out (`opinion.gaussian.priors`).
-#: Fresh errors of the way are a share of the speed, so that they fit small robots and cars; a turn on the spot adds a few mm. Across
-#: the way they are as large as along it: it may skid.
+#: What a robot's sensors are like where no scenario describes them. `sigmas` are of errors that last (`vehicle.Nuisance`).
+#: Way scale .1: a wheel's radius from a data sheet, or commands in place of odometry; odometry that nobody calibrated errs by some
+#: percent (Borenstein and Feng, IEEE Trans. Robotics and Automation 12(6), 1996). Turn scale .15: the effective track of wide or
+#: slipping wheels differs from their distance (Mandow et al., IROS 2007). With a smaller sigma a wrong turn scale is mistaken for an
+#: error of the way or of the camera. Bearing .02 rad: a camera that is mounted to one degree. Range scale .05: calibrated cameras and
+#: radios. Larger errors are found by `opinion.gaussian.priors`.
+#: Fresh errors of the way are a share of the speed, so that they fit small robots and cars. Across the way they are as large as along
+#: it, because the robot may skid.
 UNKNOWN_WHEELS = Wheels(
     Nuisance(sigmas=(0.1, 0.15, 0.003, 0.02, 0.0, 0.05), walks=(0.003, 0.003, 0.0001)),
     along=0.002,
@@ -79,7 +80,7 @@ class SinceStep:
         before, fix = self.fix, later.fix or self.fix
         if fix is not None and fix.heading is None and before is not None and before.heading is not None:
             told = {"heading": before.heading, "heading_sigma": before.heading_sigma}
-            fix = fix.model_copy(update=told)  # newer position, earlier heading
+            fix = fix.model_copy(update=told)  # the newest position, with the last heading that a fix told
         return SinceStep(
             _both_ways(self.odometry, later.odometry),
             later.compass or self.compass,

@@ -5,8 +5,8 @@ independent noise of each. Where it is larger than claimed, it counts. Where it 
 the rest of it counts as an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as
 one at the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
 
-A fix that claims far too much looks like a scale of the wheels. So fixes tell nothing of the scales until their noise is known: the
-feedback is cut (Plummer, Statistics and Computing 25(1), 2015).
+Where fixes err by far more than they claim, the filter takes their errors for a wrong scale of the wheels. So fixes change no scale
+until their noise is known. Such a model is called cut (Plummer, Statistics and Computing 25(1), 2015).
 
 Compass and antenna may be mounted otherwise than told (`mounts`); that is left out where the robot's model has no lasting errors.
 
@@ -285,7 +285,7 @@ class AbsoluteSensors:
 
 def _unlearn_scales(joint: Joint, robot: Block, before: Moments) -> None:
     """Give the scales of a robot's wheels the moments that they had `before`, shape (12,) and (12, 12); all else follows."""
-    at = np.flatnonzero(before.covariance.diagonal())
-    scales = at[np.isin(at, (FORWARD, TURN, CURVED_WAY, CURVED_TURN))]
+    scales = [state for state in (FORWARD, TURN, CURVED_WAY, CURVED_TURN) if before.covariance[state, state]]
     known = Moments(before.mean[scales], before.covariance[np.ix_(scales, scales)])
-    turn_ties(joint, joint.restore(joint.blocks[robot].start + scales, known))
+    first = joint.blocks[robot].start
+    turn_ties(joint, joint.restore([first + state for state in scales], known))
