@@ -97,8 +97,8 @@ def test_a_robot_with_a_gps_that_never_tells_any_odometry_misleads_nobody() -> N
         for robot in ("r1", "r2", "r3"):
             assert scores[robot].rmse <= 1.5
             team.take(scores[robot])
-    assert team.rmse <= 0.7
-    assert team.coverage() >= 0.78
+    assert team.rmse <= 0.66
+    assert team.coverage() >= 0.79
 
 
 def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_no_liars() -> None:
@@ -150,4 +150,4 @@ def test_a_ball_that_rolls_and_is_told_late_makes_no_robot_too_sure() -> None:
         scores = Field(World(seed, truth), new_scenario(truth, told=False), phases=phases, late=3).play(25.0)["team"]
         for name in ("r1", "r2", "r3", "ball"):
             team.take(scores[name])
-    assert team.coverage() >= 0.8
+    assert team.coverage() >= 0.84
