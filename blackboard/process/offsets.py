@@ -2,8 +2,8 @@
 
 A peer's status carries the time `sent` by its clock, and for each board the newest stamp that it had of that board with the
 seconds that had passed since this stamp arrived. So, as in NTP, the round trip is what passed here since the stamp less what passed
-there, and the peer's clock is ahead by `sent` less the middle of the round trip, with an error of half of it. Of the last few
-round trips the shortest counts.
+there, and the peer's clock is ahead by `sent` less the middle of the round trip, with an error of at most half of it. Of the last
+few round trips the shortest counts. Those that contradict the newest are of a clock that was set since, and are forgotten.
 
 Without any round trip only what is certain is known: a clock that stamps the future is ahead by as much, at least. A clock that is
 behind looks like a slow network until a round trip tells the two apart.
@@ -38,7 +38,11 @@ class ClockOffsets:
         """A source sent something at a time of its clock, `held` seconds after it got what this process stamped."""
         trip = now - stamp - held
         if -RESOLUTION <= trip <= LONGEST:
-            _kept(self._trips, source).append((max(0.0, trip), sent - (now - trip / 2), now))
+            trip, ahead = max(0.0, trip), sent - (now - trip / 2)
+            trips = _kept(self._trips, source)
+            agreeing = [t for t in trips if abs(t[1] - ahead) <= (t[0] + trip) / 2 + RESOLUTION]
+            trips.clear()
+            trips.extend([*agreeing, (trip, ahead, now)])
             self._settle(source)
 
     def stamped(self, source: str, stamp: float, now: float) -> None:

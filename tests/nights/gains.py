@@ -1,6 +1,6 @@
 """What a robot gains by itself and sends now and then: all that it gained since it sent last, and none of it twice."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,21 +62,19 @@ class GainsAddUp(Oracle):
                 self._robots[event.process] = event.service
         elif isinstance(event, Said) and isinstance(report := event.message, Report) and event.process in self._robots:
             agent = self._robots[event.process].agent
-            packed = report.evidence
-            if (
-                packed is None
-                or packed.increment is None
-                or packed.compass is not None
-                or not isinstance(agent, JointAgent)
-            ):
+            if report.evidence is None or report.evidence.compass is not None or not isinstance(agent, JointAgent):
                 return
-            evidence = unpack(report.source, report.tick, report.time, packed)
-            now, before = Sent.of(evidence, agent.filter), self._sent.get(event.process)
+            evidence = unpack(report.source, report.tick, report.time, report.evidence)
+            now, before = Sent.of(evidence, agent.filter), self._sent.pop(event.process, None)
             if now is None:
-                self._sent.pop(event.process, None)
                 return
-            if before is not None and now.goes_on(before):
+            before = before if before is not None and now.goes_on(before) else None
+            if evidence.increment is not None and before is not None:
                 self._judge(event, before, now)
+            elif before is not None:  # the motion alone: boards move the robot on by it
+                now = replace(now, belief=reckoned(before, now))
+            elif evidence.increment is None:
+                return
             self._sent[event.process] = now
 
     def _judge(self, event: Said, before: Sent, now: Sent) -> None:
