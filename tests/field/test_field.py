@@ -89,16 +89,16 @@ def test_a_robot_that_drives_on_while_its_odometry_is_silent_misleads_nobody(by_
 
 
 def test_a_robot_with_a_gps_that_never_tells_any_odometry_misleads_nobody() -> None:
-    """It was taken to stand: 2.3 m off, and its mates 1.5 and 3.0 m. Of one seed a coverage is luck."""
+    """It was taken to stand: 2.3 m off, and its mates 1.5 and 3.0 m. Later its fixes told little: .66 m, and a coverage of .81."""
     truth, team = Truth(gps_every=1.0), Score()
     for seed in range(105, 111):
         field = Field(World(seed, truth), new_scenario(truth, told=False), sigmas=False, silent={"r1": (0.0, 20.0)})
         scores = field.play(20.0)["team"]
         for robot in ("r1", "r2", "r3"):
-            assert scores[robot].rmse <= 1.5
+            assert scores[robot].rmse <= 1.0
             team.take(scores[robot])
-    assert team.rmse <= 0.66
-    assert team.coverage() >= 0.79
+    assert team.rmse <= 0.45
+    assert team.coverage() >= 0.92
 
 
 def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_no_liars() -> None:
@@ -144,10 +144,10 @@ def test_a_ball_that_rolls_and_bounces_is_known_better_by_its_velocity_than_by_a
 
 
 def test_a_ball_that_rolls_and_is_told_late_makes_no_robot_too_sure() -> None:
-    """Before, 95 % regions of robots held the truth in 45 to 71 %. Of one seed a coverage is luck."""
+    """Before, 95 % regions of robots held the truth in 45 to 71 %, later in 83 to 86 %: who alone saw it roll turned with it."""
     truth, phases, team = Truth(rolls=1.0, seen_every=0.2), {"r2": 0.03, "r3": 0.06}, Score()
     for seed in range(302, 308):
         scores = Field(World(seed, truth), new_scenario(truth, told=False), phases=phases, late=3).play(25.0)["team"]
         for name in ("r1", "r2", "r3", "ball"):
             team.take(scores[name])
-    assert team.coverage() >= 0.84
+    assert team.coverage() >= 0.94

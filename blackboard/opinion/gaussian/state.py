@@ -230,10 +230,12 @@ class TeamState(Copyable):
         """The same of a sighting: of a track, or what rolls or is in dispute, that alone, else doubted ends, or what only these see.
 
         Of two robots, only one whose odometry is not believed (`distrust`) is moved.
-        The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move.
+        The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move. Nor does
+        a robot that alone has seen something roll notice that, if it takes it to stand and turns with it.
         """
         observer, subject = relative.observer, relative.subject
-        if subject in self.tracks or self.walks.rolls(subject) or self.majority(observer, subject) == 0:
+        rolls = self.walks.rolls(subject) or (self.walks.may_roll(subject) and not self.vouching(subject, observer))
+        if subject in self.tracks or rolls or self.majority(observer, subject) == 0:
             return [subject]
         doubted = {end for end in (observer, subject) if self.doubts(end)}
         if subject in self.known:

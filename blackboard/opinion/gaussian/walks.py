@@ -29,6 +29,9 @@ MEMORY = 20.0  # seconds after which the evidence of a sighting about the drift 
 LOST = -20.0  # log likelihood by the best one's: a member that is less likely begins again where the best one is
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.
 ROLLS, WALKS = (3.0, 0.0)
+#: The same for walking: from there on its sightings tell how their observers move. The odds are those of all gates, 999 to 1. With
+#: less an observer turns with what rolls slowly, and so never sees that it does.
+SURELY_WALKS = math.log(999.0)
 SUREST = 10.0  # nats: the most that is held for or against, so that an object that begins to roll is soon found to
 #: nats: a sighting that is so much less likely than one at the expected place counts as a misread.
 UNLIKELY = 0.5 * quantile(GATE, 2)
@@ -183,6 +186,11 @@ class Walks(Copyable):
         """Whether an object is taken to roll, with a velocity, and not to walk at random."""
         course = self._course(subject)
         return course is not None and course.rolls
+
+    def may_roll(self, subject: str) -> bool:
+        """Whether an object rolls, or its sightings do not say yet beyond doubt that it does not."""
+        course = self._course(subject)
+        return course is not None and course.evidence > -SURELY_WALKS
 
     def velocity(self, subject: str) -> Moments | None:
         """The velocity (unit / s) of an object that rolls: mean, shape (2,), and covariance, shape (2, 2); None of one that walks."""
