@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.increment import NOTHING
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.mounts import (
     CompassReading,
@@ -80,14 +81,17 @@ def starting_pose(readings: Readings, compass: float) -> Moments | None:
 
 def place_factor(joint: Joint, robot: Block, fix: Fix, variance: float = 1.0, lasting: float = 0.0) -> Factor:
     """A fix as a measurement of a robot's block; `variance` is independent, `lasting` lasts, both relative to the claimed variance."""
-    off, rows = np.array(fix.position) - joint.moments(robot).mean[AXES], np.eye(STATES)[AXES]
-    noise = np.eye(2) * fix.sigma**2 * variance
+    belief, rows = joint.moments(robot), np.eye(STATES)[AXES]
+    off, noise = np.array(fix.position) - belief.mean[AXES], np.eye(2) * fix.sigma**2 * variance
+    variances, ties = belief.covariance.diagonal(), belief.covariance[AXES, HEADING]
+    of_place = bool(ties @ ties <= NOTHING * variances[AXES].sum() * variances[HEADING])
     if not lasting:
-        return Factor(off, {robot: rows}, noise)
+        return Factor(off, {robot: rows}, noise, of_place=of_place)
     error = bias_block(str(robot), "fix", LASTS)
     known = joint.moments(error).mean if error in joint else np.zeros(2)
     by = np.eye(2) * fix.sigma * math.sqrt(lasting)
-    return Factor(off - by @ known, {robot: rows, error: by}, noise, {error: Moments(np.zeros(2), np.eye(2))})
+    unknown = Moments(np.zeros(2), np.eye(2))
+    return Factor(off - by @ known, {robot: rows, error: by}, noise, {error: unknown}, of_place=of_place)
 
 
 def headings(readings: Readings, compass: float) -> dict[str, tuple[float, float]]:

@@ -75,3 +75,15 @@ def test_fixes_that_only_err_as_they_claim_show_no_speed() -> None:
             roaming.on_fix(float(second), Fix(position=tuple(SIGMA * random.normal(size=2)), sigma=SIGMA))
             found += roaming.speed > 0.0
     assert found <= 0.05 * 20 * 60
+
+
+def test_a_mast_that_tells_its_heading_once_and_its_place_again_and_again_keeps_both() -> None:
+    robot = FirstHand("robot/r1", Sensors(wheels=UNKNOWN_WHEELS))
+    for step in range(100):
+        told: dict[str, Any] = {} if step else {"heading": 0.3, "heading_sigma": COMPASS}
+        fix = Fix(position=(3.0, 4.0), sigma=SIGMA, **told)
+        robot.step(Readings(run="a", robot="r1", tick=step, time=100.0 + 0.1 * step, fix=fix))
+    belief = present(robot.belief)
+    assert belief.mean[:3] == pytest.approx((3.0, 4.0, 0.3))
+    assert belief.covariance[2, 2] == pytest.approx(COMPASS**2)
+    assert belief.covariance.diagonal()[:2].max() <= SIGMA**2

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
-from blackboard.opinion.gaussian.vehicle import HEADING, wrap
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, HEADING, wrap
 from blackboard.opinion.grid import Array
 
 KNOWN = 1e-18  # a prior variance below this is taken for none: the state is known and cannot gain
 LEAST_LEFT = 1e-12  # of a prior variance that is taken to be left, so that what was gained is a number
+NOTHING = 1e-3  # times what is known of any heading, whichever it is: so little information says nothing of it
 FAINT = 1e-6  # a gain below this share of the prior information is rounding
 
 
@@ -27,6 +28,11 @@ class Increment:
     reference: Array
     information: Array
     vector: Array
+
+    @property
+    def tells_heading(self) -> bool:
+        """Whether it says anything of the heading, alone or with the place: fixes of a robot without odometry do not."""
+        return float(self.information[HEADING, HEADING]) > NOTHING / ANYWHERE
 
 
 def gained(prediction: Moments, belief: Moments) -> Increment | None:
@@ -70,4 +76,5 @@ def likelihood(joint: Joint, robot: Block, increment: Increment) -> Factor | Non
     apart = joint.mean[place] - increment.reference
     apart[HEADING] = wrap(float(apart[HEADING]))
     measured = (axes.T @ (increment.vector * scale)) / values
-    return Factor(measured - rows @ apart, {robot: rows}, np.diag(1 / values))
+    of_place = not increment.tells_heading
+    return Factor(measured - rows @ apart, {robot: rows}, np.diag(1 / values), of_place=of_place)

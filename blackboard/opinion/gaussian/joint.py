@@ -89,7 +89,7 @@ class Factor:
 
     `residual` has shape (m,), `noise` (m, m), the derivatives of what is expected, by block, (m, states of the block) each.
     `priors` are of the blocks that come with the measurement, if the joint does not have them. `anchors` are means of blocks that
-    are not known at all: such a mean is arbitrary, and the measurement is linearised there.
+    are not known at all: such a mean is arbitrary, and the measurement is linearised there. `of_place`: it says nothing of a heading.
     """
 
     residual: Array
@@ -97,10 +97,11 @@ class Factor:
     noise: Array
     priors: Mapping[Block, Moments] = field(default_factory=dict)
     anchors: Mapping[Block, Array] = field(default_factory=dict)
+    of_place: bool = False
 
     def widened(self, by: float) -> Factor:
         """The same measurement with its noise times a factor."""
-        return Factor(self.residual, self.jacobians, self.noise * by, self.priors, self.anchors)
+        return Factor(self.residual, self.jacobians, self.noise * by, self.priors, self.anchors, self.of_place)
 
 
 def together(factors: Sequence[Factor]) -> Factor:

@@ -301,8 +301,21 @@ def correct(
     A position's error is held as what is left after the world is turned by the heading's error, so that moving the mean
     moves the tie between both along. Else the filter takes its changes of mind for knowledge of the heading
     (Barrau and Bonnabel, IEEE TAC 62(4), 2017; for teams Huang, Trawny, Mourikis, Roumeliotis, RSS 2009).
+
+    A measurement of a place alone (`Factor.of_place`), as of a GPS, errs in the world. It moves where a way began, and its end as far
+    as the heading turns the way (the left-invariant error of the same paper). Else it tells little where the heading is not known.
     """
-    turn_ties(joint, joint.update(factor, only, expected))
+    if not factor.of_place:
+        turn_ties(joint, joint.update(factor, only, expected))
+        return
+    first = joint.firsts(STATES)
+    blocks = joint.among_each(first[:, np.newaxis] + np.arange(STATES))
+    variances = blocks[:, HEADING, HEADING]
+    moved = joint.update(factor, only, expected)
+    turned = np.zeros_like(moved)
+    by = np.divide(moved[first + HEADING], variances, out=np.zeros(len(first)), where=variances > 0.0)
+    turned[first + X], turned[first + Y] = blocks[:, X, HEADING] * by, blocks[:, Y, HEADING] * by
+    turn_ties(joint, turned)
 
 
 def turn_ties(joint: Joint, moved: Array) -> None:
