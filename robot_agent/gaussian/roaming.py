@@ -1,7 +1,8 @@
 """The speed of a robot without odometry, estimated from its fixes: a drone, a boat, a person with a GPS. Pure.
 
 Who tells no motion is taken to stand, as a camera on a mast does. Fixes that lie apart by more than they may err show that it does
-not. From then on it may have gone in any direction at the speed that they show, until for `SPAN` they show none.
+not. From then on it may have gone in any direction at the speed that they show, until for `SPAN` they show none. Before there are
+two fixes to compare it may be as fast as they do not exclude, and has the heading that it told.
 """
 
 import math
@@ -12,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, quantile
-from blackboard.opinion.gaussian.distrust import any_way
+from blackboard.opinion.gaussian.distrust import LASTING, any_way
 from blackboard.opinion.gaussian.vehicle import Motion
 from blackboard.wire.messages import Fix
 
@@ -41,8 +42,18 @@ class Roaming:
         if pairs and squared > quantile(GATE, 2 * len(pairs)):
             gone = max(0.0, sum(away) - 2 * sum(noise))
             self.speed, self._shown = math.sqrt(gone / sum(seconds**2 for seconds, _, _ in pairs)), time
+        elif not pairs:
+            self.speed = self._not_excluded()
         elif time - self._shown > SPAN:
             self.speed = 0.0
+
+    def _not_excluded(self) -> float:
+        """The speed by which the first and the newest fix may be apart, or are; 0 where one place is told again and again."""
+        (since, first), (now, last) = self._fixes[0], self._fixes[-1]
+        if first.position == last.position:
+            return 0.0
+        hidden = quantile(GATE, 2) * (first.sigma**2 + last.sigma**2)
+        return math.sqrt(max(hidden, math.dist(first.position, last.position) ** 2)) / max(LASTING, now - since)
 
     def _pairs(self) -> Iterator[tuple[float, Fix, Fix]]:
         """Fixes that follow each other after at least `APART`, the newest first, and the seconds between."""
@@ -57,4 +68,4 @@ class Roaming:
         if not self.speed or seconds <= 0:
             return Motion()
         way, turn = any_way(np.array([self.speed, 0.0]), seconds)
-        return Motion(dt=seconds, along=way, across=way, heading=turn)
+        return Motion(dt=seconds, along=way, across=way, heading=turn if self._shown > -math.inf else 0.0)

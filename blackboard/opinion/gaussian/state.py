@@ -231,10 +231,11 @@ class TeamState(Copyable):
 
         Of two robots, only one whose odometry is not believed (`distrust`) is moved.
         The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move. Nor does
-        a robot that alone has seen something roll notice that, if it takes it to stand and turns with it.
+        a robot that alone has seen something roll notice that, if it takes it to stand and turns with it. So it misleads its mates.
         """
         observer, subject = relative.observer, relative.subject
-        rolls = self.walks.rolls(subject) or (self.walks.may_roll(subject) and not self.vouching(subject, observer))
+        alone = len(self.known) > 1 and not self.vouching(subject, observer)
+        rolls = self.walks.may_roll(subject) if alone else self.walks.rolls(subject)
         if subject in self.tracks or rolls or self.majority(observer, subject) == 0:
             return [subject]
         doubted = {end for end in (observer, subject) if self.doubts(end)}

@@ -279,7 +279,9 @@ def turned_by_a_ball(speed: float) -> tuple[float, float]:
         away = np.array([2.5, speed * time])
         bearing = math.atan2(away[1], away[0]) - rate * time + 0.03 * rng.normal()
         seen = Relative("robot/r1", BALL, float(np.hypot(*away)) + SIGMA * rng.normal(), bearing, SIGMA**2, 0.03**2)
-        team.settle(tick, DT, [Evidence("robot/r1", 0, tick, travelled, nuisance, belief, None, (seen,), time)])
+        mate = Evidence("robot/r2", 0, tick, Motion(dt=time), nuisance, belief, None, (), time)
+        news = [Evidence("robot/r1", 0, tick, travelled, nuisance, belief, None, (seen,), time), mate]
+        team.settle(tick, DT, news)
     believed = team.joint.moments("robot/r1")
     off = math.remainder(float(believed.mean[HEADING]) - rate * time, math.tau)
     return off, math.sqrt(believed.covariance[HEADING, HEADING])
