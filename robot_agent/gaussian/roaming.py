@@ -20,6 +20,7 @@ from blackboard.wire.messages import Fix
 APART = 3.0  # seconds between two fixes that are compared: in less a slow robot hardly goes farther than a GPS errs
 SPAN = 20.0  # seconds of fixes that count
 MOST = 1000  # fixes
+UNSHOWN = 100.0  # unit / s: no faster without having been shown, because sums of variances are bounded on the wire
 
 
 @dataclass
@@ -53,7 +54,8 @@ class Roaming:
         if first.position == last.position:
             return 0.0
         hidden = quantile(GATE, 2) * (first.sigma**2 + last.sigma**2)
-        return math.sqrt(max(hidden, math.dist(first.position, last.position) ** 2)) / max(LASTING, now - since)
+        away = math.sqrt(max(hidden, math.dist(first.position, last.position) ** 2))
+        return min(UNSHOWN, away / max(LASTING, now - since))
 
     def _pairs(self) -> Iterator[tuple[float, Fix, Fix]]:
         """Fixes that follow each other after at least `APART`, the newest first, and the seconds between."""

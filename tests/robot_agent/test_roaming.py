@@ -103,3 +103,12 @@ def test_before_two_fixes_can_be_compared_it_is_as_fast_as_they_do_not_exclude(s
         motion = roaming.motion(every)
         assert motion.along >= (speed * every) ** 2
         assert motion.heading == 0.0
+
+
+def test_fixes_that_claim_to_know_nothing_make_no_evidence_that_boards_refuse() -> None:
+    """Before, a robot whose fixes claimed 1000 units was refused for good by the sum of its variances."""
+    roaming, along = Roaming(), 0.0
+    for second in range(60):
+        roaming.on_fix(float(second), Fix(position=(float(second), 0.0), sigma=1e5))
+        along += roaming.motion(1.0).along
+    assert along <= 1e6
