@@ -36,14 +36,15 @@ __all__ = ["Driven", "Independence", "Pose", "SinceStep", "driven", "of_particle
 
 log = logging.getLogger(__name__)
 
-#: What a robot's sensors are like where no scenario describes them. `sigmas` are of errors that last (`vehicle.Nuisance`).
-#: Way scale .1: a wheel's radius from a data sheet, or commands in place of odometry; odometry that nobody calibrated errs by some
-#: percent (Borenstein and Feng, IEEE Trans. Robotics and Automation 12(6), 1996). Turn scale .15: the effective track of wide or
-#: slipping wheels differs from their distance (Mandow et al., IROS 2007). With a smaller sigma a wrong turn scale is mistaken for an
-#: error of the way or of the camera. Bearing .02 rad: a camera that is mounted to one degree. Range scale .05: calibrated cameras and
-#: radios. Larger errors are found by `opinion.gaussian.priors`.
-#: Fresh errors of the way are a share of the speed, so that they fit small robots and cars. Across the way they are as large as along
-#: it, because the robot may skid.
+#: What a robot's sensors are like where no scenario describes them. `sigmas` are of errors that last (`vehicle.Nuisance`):
+#: - scale of ways .1. The radius of a wheel is from a data sheet. Odometry without calibration errs by some percent
+#:   (Borenstein and Feng, IEEE Trans. Robotics and Automation 12(6), 1996), and commands in place of odometry by more;
+#: - scale of turns .15. The effective track of wide or slipping wheels is not the distance between them (Mandow et al., IROS 2007).
+#:   With a smaller sigma a wrong scale of turns is mistaken for an error of the way or of the camera;
+#: - bearing .02 rad. A camera is mounted to about one degree;
+#: - scale of ranges .05, as of calibrated cameras and radios.
+#: Larger errors are found by `opinion.gaussian.priors`. Fresh errors of the way are a share of the speed, so that they fit small
+#: robots and cars. Those across the way are as large as those along it, because the robot may skid.
 UNKNOWN_WHEELS = Wheels(
     Nuisance(sigmas=(0.1, 0.15, 0.003, 0.02, 0.0, 0.05), walks=(0.003, 0.003, 0.0001)),
     along=0.002,
@@ -80,7 +81,7 @@ class SinceStep:
         before, fix = self.fix, later.fix or self.fix
         if fix is not None and fix.heading is None and before is not None and before.heading is not None:
             told = {"heading": before.heading, "heading_sigma": before.heading_sigma}
-            fix = fix.model_copy(update=told)  # the newest position, with the last heading that a fix told
+            fix = fix.model_copy(update=told)  # it has no heading, so it gets that of the fix before
         return SinceStep(
             _both_ways(self.odometry, later.odometry),
             later.compass or self.compass,

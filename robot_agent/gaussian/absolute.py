@@ -84,6 +84,7 @@ def place_factor(joint: Joint, robot: Block, fix: Fix, variance: float = 1.0, la
     belief, rows = joint.moments(robot), np.eye(STATES)[AXES]
     off, noise = np.array(fix.position) - belief.mean[AXES], np.eye(2) * fix.sigma**2 * variance
     variances, ties = belief.covariance.diagonal(), belief.covariance[AXES, HEADING]
+    # Where place and heading are not correlated, the fix has no information on the heading.
     of_place = bool(ties @ ties <= NOTHING * variances[AXES].sum() * variances[HEADING])
     if not lasting:
         return Factor(off, {robot: rows}, noise, of_place=of_place)

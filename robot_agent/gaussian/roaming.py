@@ -1,8 +1,8 @@
 """The speed of a robot without odometry, estimated from its fixes: a drone, a boat, a person with a GPS. Pure.
 
 Who tells no motion is taken to stand, as a camera on a mast does. Fixes that lie apart by more than they may err show that it does
-not. From then on it may have gone in any direction at the speed that they show, until for `SPAN` they show none. Before there are
-two fixes to compare it may be as fast as they do not exclude, and has the heading that it told.
+not. From then on it may have gone in any direction at the speed that they show, until for `SPAN` they show none. In the first
+`APART` seconds it has the largest speed that agrees with its fixes, and keeps its heading, because a mast tells that only once.
 """
 
 import math
@@ -20,7 +20,7 @@ from blackboard.wire.messages import Fix
 APART = 3.0  # seconds between two fixes that are compared: in less a slow robot hardly goes farther than a GPS errs
 SPAN = 20.0  # seconds of fixes that count
 MOST = 1000  # fixes
-UNSHOWN = 100.0  # unit / s: no faster without having been shown, because sums of variances are bounded on the wire
+UNSHOWN = 100.0  # unit / s: the largest speed that is assumed before fixes show one; boards refuse evidence with larger variances
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Roaming:
             self.speed = 0.0
 
     def _not_excluded(self) -> float:
-        """The speed by which the first and the newest fix may be apart, or are; 0 where one place is told again and again."""
+        """The largest speed (unit / s) that the noise of the first and the newest fix allows; 0 where both are one place."""
         (since, first), (now, last) = self._fixes[0], self._fixes[-1]
         if first.position == last.position:
             return 0.0

@@ -14,7 +14,7 @@ from blackboard.opinion.grid import Array
 
 KNOWN = 1e-18  # a prior variance below this is taken for none: the state is known and cannot gain
 LEAST_LEFT = 1e-12  # of a prior variance that is taken to be left, so that what was gained is a number
-NOTHING = 1e-3  # times what is known of any heading, whichever it is: so little information says nothing of it
+NOTHING = 1e-3  # an increment with this share of the information in a uniform heading (1 / ANYWHERE), or less, says nothing of it
 FAINT = 1e-6  # a gain below this share of the prior information is rounding
 
 
@@ -31,7 +31,7 @@ class Increment:
 
     @property
     def tells_heading(self) -> bool:
-        """Whether it says anything of the heading, alone or with the place: fixes of a robot without odometry do not."""
+        """Whether it has information on the heading. That of a robot with a GPS and without odometry has none."""
         return float(self.information[HEADING, HEADING]) > NOTHING / ANYWHERE
 
 

@@ -89,7 +89,8 @@ class Factor:
 
     `residual` has shape (m,), `noise` (m, m), the derivatives of what is expected, by block, (m, states of the block) each.
     `priors` are of the blocks that come with the measurement, if the joint does not have them. `anchors` are means of blocks that
-    are not known at all: such a mean is arbitrary, and the measurement is linearised there. `of_place`: it says nothing of a heading.
+    are not known at all: such a mean is arbitrary, and the measurement is linearised there. `of_place`: of a
+    place alone, without information on a heading.
     """
 
     residual: Array

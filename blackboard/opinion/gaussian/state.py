@@ -230,8 +230,8 @@ class TeamState(Copyable):
         """The same of a sighting: of a track, or what rolls or is in dispute, that alone, else doubted ends, or what only these see.
 
         Of two robots, only one whose odometry is not believed (`distrust`) is moved.
-        The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move. Nor does
-        a robot that alone has seen something roll notice that, if it takes it to stand and turns with it. So it misleads its mates.
+        The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move. A
+        robot that alone has seen a rolling object would take its motion for a turn of its own, and so mislead its mates.
         """
         observer, subject = relative.observer, relative.subject
         alone = len(self.known) > 1 and not self.vouching(subject, observer)

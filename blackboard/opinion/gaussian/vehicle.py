@@ -302,8 +302,9 @@ def correct(
     moves the tie between both along. Else the filter takes its changes of mind for knowledge of the heading
     (Barrau and Bonnabel, IEEE TAC 62(4), 2017; for teams Huang, Trawny, Mourikis, Roumeliotis, RSS 2009).
 
-    A measurement of a place alone (`Factor.of_place`), as of a GPS, errs in the world. It moves where a way began, and its end as far
-    as the heading turns the way (the left-invariant error of the same paper). Else it tells little where the heading is not known.
+    A GPS errs in the world, so a measurement of a place alone (`Factor.of_place`) changes these ties only by the part of the move
+    that the heading explains (the left-invariant error of the same paper). Otherwise, with an unknown heading, a fix would leave the
+    place nearly as unsure as before.
     """
     if not factor.of_place:
         turn_ties(joint, joint.update(factor, only, expected))

@@ -29,8 +29,8 @@ MEMORY = 20.0  # seconds after which the evidence of a sighting about the drift 
 LOST = -20.0  # log likelihood by the best one's: a member that is less likely begins again where the best one is
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.
 ROLLS, WALKS = (3.0, 0.0)
-#: The same for walking: from there on its sightings tell how their observers move. The odds are those of all gates, 999 to 1. With
-#: less an observer turns with what rolls slowly, and so never sees that it does.
+#: Nats by which walking explains the sightings better: from there on they also move a robot that alone sees the object. These are the
+#: odds of all gates, 999 to 1. With lower odds a slowly rolling object was taken for a turn of the observer.
 SURELY_WALKS = math.log(999.0)
 SUREST = 10.0  # nats: the most that is held for or against, so that an object that begins to roll is soon found to
 #: nats: a sighting that is so much less likely than one at the expected place counts as a misread.
