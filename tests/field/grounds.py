@@ -125,7 +125,7 @@ class Grounds(Robots):
 
     They see ranges or bearings `alone`. Who is `unplaced` is not told where it starts. A share of `wild` sightings is of anywhere
     in view, and their ranges are `longer` by this factor, their bearings `askew` by an angle (radians). Odometry measures `less`:
-    these shares of ways and of turns. Robots have a `compass` that reads this angle too much, if any, and antennas so far `ahead`.
+    these shares of ways and of turns; the fresh noise of it is `described` by the scenario. Robots have a `compass` that reads this angle too much, if any, and antennas so far `ahead`.
     Wheels are `dead` from and until a time (s): they measure nothing while the robot drives on. The filters beside the team get the
     right ranges and odometry.
     """
@@ -145,13 +145,19 @@ class Grounds(Robots):
         compass: float | None = None,
         ahead: float = 0.0,
         dead: Mapping[str, tuple[float, float]] | None = None,
+        described: bool = False,
         **board: object,
     ) -> None:
         width, height = ground.size
         cell = 0.25
         drift = {} if ground.rolls else {"objects_drift": ground.walks}
+        noise = {
+            robot: {"odometry": {"along": kit.along * kit.speed**0.5, "across": 0.0, "turn": kit.turn}}
+            for robot, kit in ground.kits.items()
+        }
         chosen = Scenario(
             {
+                **({"robots": noise} if described else {}),
                 "team": {"name": "t", "sub_teams": {"a": [*ground.kits]}},
                 "grid": {"shape": [round(width / cell), round(height / cell)], "cell": cell, "unit": "m"},
                 "board": {"fusion": "joint", **drift, **board},
@@ -235,6 +241,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=90.0)
     parser.add_argument("--told", action="store_true")
     parser.add_argument("--each", action="store_true")
+    parser.add_argument("--described", action="store_true", help="the scenario says how exact the odometry is")
     parser.add_argument("--together", action="store_true")
     parser.add_argument("--alone", choices=("range", "bearing"), help="what robots see of others")
     parser.add_argument("--unplaced", action="store_true", help="one robot without GPS is not told where it starts")
@@ -267,6 +274,7 @@ def main() -> None:
             less=tuple(chosen.less),
             compass=chosen.compass,
             ahead=chosen.ahead,
+            described=chosen.described,
         )
         played = team.play(chosen.seconds)
         ratios = [f"{n} {t.rmse / played['central'][n].rmse:.2f} {t.coverage():.2f}" for n, t in played["team"].items()]

@@ -43,8 +43,9 @@ def test_a_robot_whose_wheels_measure_nothing_leads_nobody_away(has_gps: bool) -
         (2, {"less": (0.7, 1.0)}, 1.5, 0.9),
         (2, {"compass": 0.2}, 2.0, 0.6),
         (354, {"less": (1.0, 0.7)}, 2.2, 0.9),
+        (752, {"described": True, "less": (0.95, 0.95), "askew": 0.035}, 2.0, 0.9),
     ],
-    ids=["long ranges", "askew", "short ways", "compasses", "small turns"],
+    ids=["long ranges", "askew", "short ways", "compasses", "small turns", "described"],
 )
 def test_sensors_that_are_far_from_what_robots_were_told_are_found_out(
     seed: int, wrong: dict[str, Any], times: float, covered: float

@@ -7,6 +7,10 @@ and not estimated (Schmidt 1966). So a robot that is lost is still led back, and
 
 Who sees each mate to another side has no offset of all. So the same is added up for an offset of each mate.
 
+Of two robots that see nobody else, it is not known whose odometry or sightings are wrong. So where what one sees of the other has an
+offset, it moves neither for `MEMORY` seconds, and what they have moved each other is taken back. So is that of a single mate which a
+robot sees aside while all its others fit.
+
 A robot that has moved itself to where its lies fit sees nothing to the side any more. So an offset is held against it for `MEMORY`
 seconds.
 """
@@ -14,7 +18,7 @@ seconds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 
@@ -28,6 +32,9 @@ from blackboard.opinion.gaussian.vehicle import AXES
 from blackboard.opinion.grid import Array
 
 MEMORY = 5.0  # seconds after which a sighting counts for 1/e
+FAR = quantile(GATE, 2)
+#: Squared distance that one of 100 000 honest pairs exceeds. All are judged all the time, and who is held apart loses what it knew.
+APART = 2.0 * math.log(1e5)
 LEAST = 0.01  # share of the newest sighting of a pair that is still held for or against it
 ROUNDED = 1e-6  # share of the information that may be due to rounding
 
@@ -53,9 +60,9 @@ class OffsetScore:
         """The most likely offset (unit), shape (2,); 0 along directions in which nothing was measured."""
         return np.asarray(np.linalg.pinv(self.covariance, rcond=ROUNDED, hermitian=True) @ self.gradient)
 
-    def is_far(self) -> bool:
-        """Whether it is beyond 99.9 % of those without an offset."""
-        return squared_distance(self.gradient, self.covariance) > quantile(GATE, 2)
+    def is_far(self, limit: float = FAR) -> bool:
+        """Whether its squared distance from no offset is beyond a limit [default: that of 99.9 %]."""
+        return squared_distance(self.gradient, _rounded(self.covariance)) > limit
 
 
 NONE = OffsetScore(np.zeros(2), np.zeros((2, 2)))
@@ -110,16 +117,24 @@ class Offsets(Copyable):
     _pairs: dict[tuple[str, str], OffsetScore] = field(default_factory=dict)
     _mates: dict[str, MateScores] = field(default_factory=dict)  # observer -> of each that it sees
     _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
+    #: Observer and subject -> what rests on that pair alone since it was held to be apart.
+    _taken: dict[tuple[str, str], OffsetScore] = field(default_factory=dict)
+    #: Observer and subject -> for how many seconds more what the one sees of the other moves neither.
+    _apart: dict[tuple[str, str], float] = field(default_factory=dict)
 
     def pass_time(self, dt: float) -> None:
         """Let `dt` seconds pass."""
         keep = math.exp(-dt / MEMORY)
         self._all = {observer: score.faded(keep) for observer, score in self._all.items() if score.share * keep > LEAST}
-        self._pairs = {pair: score.faded(keep) for pair, score in self._pairs.items() if score.share * keep > LEAST}
+        self._pairs, self._taken = (
+            {pair: score.faded(keep) for pair, score in scores.items() if score.share * keep > LEAST}
+            for scores in (self._pairs, self._taken)
+        )
         self._mates = {
             one: self._young(one, scores.faded(keep)) for one, scores in self._mates.items() if one in self._all
         }
         self._held = {observer: left - dt for observer, left in self._held.items() if left > dt}
+        self._apart = {pair: left - dt for pair, left in self._apart.items() if left > dt}
 
     def _young(self, observer: str, scores: MateScores) -> MateScores:
         """An observer's scores without those of mates that it has not seen for long."""
@@ -148,10 +163,21 @@ class Offsets(Copyable):
             part = weighed[mine]
             alone = _score(part[:, :2].T @ np.linalg.solve(inverse[np.ix_(mine, mine)], part))
             self._pairs[observer, subject] = self._pairs.get((observer, subject), NONE).plus(alone)
+            self._part(observer, subject, alone)
         each = _of_each(subjects, ways, inverse, residual)
         self._mates[observer] = self._mates.get(observer, NO_MATES).plus(each)
         if self._has_offset(observer):
             self._held[observer] = MEMORY
+
+    def _part(self, observer: str, subject: str, score: OffsetScore) -> None:
+        """Take what rests on a pair alone, unless it is held to be apart: innovations of what is not taken are not white."""
+        pair = observer, subject
+        if pair in self._apart:
+            return
+        self._taken[pair] = self._taken.get(pair, NONE).plus(score)
+        if self._taken[pair].is_far(APART):
+            self._apart[pair] = MEMORY
+            del self._taken[pair]
 
     def _has_offset(self, observer: str) -> bool:
         """Whether what it sees has offsets beyond 99.9 % of honest ones, whichever one of its subjects is left out."""
@@ -170,9 +196,14 @@ class Offsets(Copyable):
         """Whether what it sees had such an offset in the last `MEMORY` seconds."""
         return observer in self._held
 
+    @property
+    def apart(self) -> Collection[tuple[str, str]]:
+        """Observers, each with a mate: what the one saw of the other had an offset in the last `MEMORY` seconds."""
+        return self._apart.keys()
+
     def forget_scores(self) -> None:
         """What robots see was held against a belief that is not held any more. Who is doubted for it stays so."""
-        self._all, self._pairs, self._mates = {}, {}, {}
+        self._all, self._pairs, self._mates, self._taken = {}, {}, {}, {}
 
     def forget(self, robot: str) -> None:
         """Drop what concerns a robot."""
@@ -182,7 +213,11 @@ class Offsets(Copyable):
         self._all.pop(robot, None)
         self._mates.pop(robot, None)
         self._mates = {observer: scores.without(robot) for observer, scores in self._mates.items()}
-        self._pairs = {pair: score for pair, score in self._pairs.items() if robot not in pair}
+        self._pairs, self._taken = (
+            {pair: score for pair, score in scores.items() if robot not in pair}
+            for scores in (self._pairs, self._taken)
+        )
+        self._apart = {pair: left for pair, left in self._apart.items() if robot not in pair}
         self._held.pop(robot, None)
 
 

@@ -229,7 +229,8 @@ class TeamState(Copyable):
     def moved_by_sighting(self, relative: Relative) -> list[Block] | None:
         """The same of a sighting: of a track, or what rolls or is in dispute, that alone, else doubted ends, or what only these see.
 
-        Of two robots, only one whose odometry is not believed (`distrust`) is moved.
+        Of two robots, only one whose odometry is not believed (`distrust`) is moved. Two that keep seeing each other aside
+        (`Offsets.apart`) do not move each other, unless one of them is doubted for other reasons.
         The velocity of what rolls was learned from the same sightings, so that it is no evidence of how their observers move. A
         robot that alone has seen a rolling object would take its motion for a turn of its own, and so mislead its mates.
         """
@@ -243,6 +244,8 @@ class TeamState(Copyable):
             doubted |= {end for end in (observer, subject) if end in self.distrust}
         if self.freshness.doubts(observer) and subject not in self.known and not self.vouching(subject, observer):
             doubted.add(subject)
+        if not doubted and (observer, subject) in self.offsets.apart:
+            return []
         return self._of(doubted)
 
     def _of(self, robots: Collection[str]) -> list[Block] | None:

@@ -49,7 +49,7 @@ class TeamJoint(TeamState):
         Where a robot is found out to keep one side, or to tell nothing new, what it has moved is taken back. Who keeps one side may
         be turned, or its wheels measure nothing: its odometry is not believed for now (`distrust`). Taken back is also what it has
         moved an object that more robots see elsewhere, or that it alone has led farther than that goes. What an object has moved is
-        taken back where a dispute about it begins.
+        taken back where a dispute about it begins, and what two robots have moved each other that keep seeing each other aside.
 
         Degenerate: some evidence leaves no Gaussian that can be kept. The team is in no defined state then.
         """
@@ -72,14 +72,22 @@ class TeamJoint(TeamState):
         return self.tally.verdicts
 
     def _unbelieved_now(self) -> frozenset[tuple[str, str]]:
-        """Pairs of robot and object: it is outvoted about the object's place, or moved it too far while no other saw it."""
+        """Pairs of robot and object: it is outvoted about the object's place, or moved it too far while no other saw it.
+
+        And two robots that keep seeing each other aside, in both directions.
+        """
         outvoted = (
             (robot, subject)
             for subject in self.disputes.disputed()
             for robot in self.disputes.seeing(subject)
             if self.is_heard(robot) and self.majority(robot, subject) < 0
         )
-        return frozenset(outvoted) | self.disputes.led()
+        apart = self.offsets.apart
+        return (
+            frozenset(outvoted)
+            | self.disputes.led()
+            | {both for one, other in apart for both in ((one, other), (other, one))}
+        )
 
     def _take_back(self, robot: str) -> None:
         """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
