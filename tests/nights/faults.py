@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from random import Random
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from blackboard.wire.envelope import Envelope
 
@@ -82,6 +82,10 @@ class Fault:
     def lies(self) -> dict[str, str]:
         """Which robots lie, by their processes, and which lie of the catalogue each tells."""
         return {}
+
+    def silences(self, process: str) -> str:
+        """Which part of its readings a robot does not get; empty: it gets all."""
+        return ""
 
 
 # --- messages ----------------------------------------------------------------------------------------------------------
@@ -303,6 +307,21 @@ class Suspended(Frozen):
 
     def ahead(self, process: str, at: float) -> float:
         return -max(0.0, min(at, self.end) - self.begin) if process == self.who else 0.0
+
+
+#: What a sensor that is silent leaves out of a robot's readings, and what is there instead.
+PARTS: dict[str, Any] = {"odometry": None, "compass": None, "sightings": ()}
+
+
+@dataclass(frozen=True)
+class Silent(Fault):
+    """A sensor of a robot measures nothing."""
+
+    process: str
+    part: str
+
+    def silences(self, process: str) -> str:
+        return self.part if process == self.process else ""
 
 
 # --- people ------------------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ grow. So no board has a say in the name.
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,8 +36,10 @@ AFTER = 0.9  # of a tick: what is seen in the next one is later than this one by
 Piece = tuple[str, int, float]  # robot, epoch, and seconds since that began
 
 
-def name_of(evidence: Evidence) -> Piece:
-    return evidence.robot, evidence.epoch, evidence.travelled.dt
+def name_of(evidence: Evidence, silent: Collection[str] = ()) -> Piece:
+    """The name of a piece of evidence; of robots whose odometry is `silent` by the team time (s) at which it ended."""
+    span = evidence.time if evidence.robot in silent else evidence.travelled.dt
+    return evidence.robot, evidence.epoch, span
 
 
 def shadow(before: Joint, batch: Sequence[Evidence], motions: Mapping[str, Motion]) -> Joint:
@@ -84,6 +86,10 @@ class EvidenceCountsOnce(Oracle):
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
+        #: Robots whose odometry is missing for a while: until it goes on, a time names what they say.
+        self._silent = [
+            name for name in night.team.processes if any(f.silences(name) == "odometry" for f in night.faults)
+        ]
         self._taken: dict[Board, dict[Piece, int]] = {}  # with the number of the step
         self._newest: dict[Board, dict[str, Evidence]] = {}
         #: Robot -> its newest evidence, with only those sightings that count with its next one.
@@ -94,7 +100,7 @@ class EvidenceCountsOnce(Oracle):
         assert isinstance(event, Stepped)
         taken, newest = self._taken.setdefault(event.board, {}), self._newest.setdefault(event.board, {})
         honest = [evidence for evidence in event.batch if evidence.robot not in self.night.liars]
-        for piece in map(name_of, honest):
+        for piece in (name_of(evidence, self._silent) for evidence in honest):
             if taken.setdefault(piece, event.number) != event.number:
                 self.breaks(
                     event.at, f"{event.process} takes {piece} in step {taken[piece]} and in step {event.number}"

@@ -57,6 +57,8 @@ class Team:
     guest: bool = False  # a program that reports an object
     unnamed: Literal["", "person", "robot"] = ""  # what detectors do not name: people walk about, or mates look alike
     max_age: float = 10.0  # seconds after which boards do not use what was said
+    rolls: float = 0.0  # units a second: how fast the ball rolls
+    driven: tuple[str, ...] = ()  # robots whose programs give readings by calls; where there is no world
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -115,7 +117,7 @@ class Team:
                     "seed": seed,
                     "speed": SPEED,
                     "turn_rate": TURN_RATE,
-                    "objects": {"ball": {"drift": 0.2}},
+                    "objects": {"ball": {"drift": 0.2, "rolls": self.rolls}},
                     "gather": 30.0,
                     **(unnamed if self.unnamed else {}),
                 },
@@ -208,6 +210,11 @@ def draw_night(seed: int, number: int) -> Night:
     team = team if team.is_poor else replace(team, max_age=max_age)  # else a robot is rightly left out that says little
     if draw.chance(OFF_AT_FIRST):
         drawn = [replace(fault, begin=0.0) if isinstance(fault, faults.ClockOff) else fault for fault in drawn]
+    team = replace(team, rolls=draw.one([0.0, 1.0], [0.7, 0.3]))
+    if team.mode == "free" and draw.chance(0.5):
+        team = replace(team, driven=tuple(sorted(draw.some(team.robots))))
+        if draw.chance(0.5):
+            drawn.append(silent(draw, team))
     return Night(team, tuple(drawn), world, f"{seed}/{number}")
 
 
@@ -320,6 +327,11 @@ def another_board(draw: Draw, team: Team) -> Fault:
     if draw.chance(0.3):
         return faults.AnotherBoard(draw.one([0.0, FIRST]), LAST, sub_team, name, hangs=True)
     return faults.AnotherBoard(*span(draw), sub_team, name)
+
+
+def silent(draw: Draw, team: Team) -> Fault:
+    """Of a robot that is driven. One that never told any odometry would be taken to stand."""
+    return faults.Silent(*span(draw), f"robot/{draw.one(team.driven)}", draw.one([*faults.PARTS]))
 
 
 def lies(draw: Draw, team: Team) -> Fault:

@@ -8,7 +8,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from random import Random
 from typing import Any
@@ -36,6 +36,9 @@ from blackboard.wire.arrays import pack
 from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Consensus, Readings, Status, Truth
+from robot_agent.config import settings_of
+from robot_agent.driven import Driven, SinceStep
+from robot_agent.gaussian.sensors import sensors_of
 from robot_agent.service import AgentService
 from robot_agent.team import robot_of
 from sim_world.sensor_source import SensorSource
@@ -87,11 +90,11 @@ class Watched(Around):
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         if envelope.kind is Kind.PUT:
             self._stage.tell(Heard(self._stage.at, self.name, envelope))
-        return self._done(lambda: self.inner.receive(envelope, now))
+        return self.act(lambda: self.inner.receive(envelope, now))
 
     def wake(self, now: float) -> list[Envelope]:
         self._woken.append(self._stage.at)
-        return self._done(lambda: self.inner.wake(now))
+        return self.act(lambda: self.inner.wake(now))
 
     def wake_at(self, now: float) -> float | None:
         if len(self._woken) < OFTEN or self._stage.at - self._woken[0] > 1.0:
@@ -112,7 +115,8 @@ class Watched(Around):
         """The service itself, without its journal."""
         return self.inner.inner if isinstance(self.inner, Journaled | Liar) else self.inner
 
-    def _done(self, act: Callable[[], list[Envelope]]) -> list[Envelope]:
+    def act(self, act: Callable[[], list[Envelope]]) -> list[Envelope]:
+        """What the process says when it does something, which the oracles see."""
         stage, self._stage.acting = self._stage, self.name
         try:
             out = act()
@@ -193,6 +197,7 @@ class Stage(Scheduler):
         self._renewed: dict[str, list[faults.Fault]] = {}  # process -> the faults that it was started under
         self._sensors: SensorSource | None = None
         self._ticks = 0  # of the sensors, where there is no world
+        self._untold: dict[str, SinceStep] = {}  # robot that is frozen -> what its sensors measured meanwhile
         self.route = self._route
         self.disk, self.records = Disk(), record
         self.strange: set[str] = set()  # the digests of what strangers said
@@ -285,6 +290,7 @@ class Stage(Scheduler):
         self._frozen.discard(name)
         self.leave(service)
         del self._seen[name]
+        self._untold.pop(name, None)
         self.tell(Ended(self.at, name, service.machine))
 
     def _made(self, name: str) -> Service:
@@ -310,7 +316,15 @@ class Stage(Scheduler):
             (fault for fault in self.night.faults if isinstance(fault, faults.LyingGuest) and fault.adds() == name),
             None,
         )
-        service = robot_of(self.scenario, robot, sub_teams=None if guest is None else [guest.sub_team])
+        sub_teams = self.scenario.team.of(robot) if guest is None else [guest.sub_team]
+        if robot in self.night.team.driven and name not in self.night.liars:
+            board, grid = self.scenario.board, self.scenario.grid
+            who: dict[str, Any] = {"team": "t", "sub_teams": sub_teams, "robot": robot, "grid": grid}
+            who |= {"joint": board.fusion == "joint", "feedback": board.feedback, "drift": board.drift}
+            settings = settings_of(self.scenario, robot)
+            robots = len(self.scenario.team.robots)
+            return Driven(lambda news, now: None, settings=settings, sensors=sensors_of(settings), robots=robots, **who)
+        service = robot_of(self.scenario, robot, sub_teams=sub_teams)
         lie = next((lies[name] for fault in self.night.faults if name in (lies := fault.lies())), None)
         if lie is None:
             return service
@@ -420,5 +434,23 @@ class Stage(Scheduler):
                 self._give(self.running[name], readings.model_copy(update={"time": time}))
 
     def _give(self, to: Watched, readings: Readings) -> None:
+        if isinstance(to.machine, Driven):
+            self._step(to, to.machine, readings)
+            return
         key = keys.READING.key(team="t", robot=readings.robot)
         self.bus.deliver(self.link(to), Envelope(key, encode(readings)))
+
+    def _step(self, to: Watched, machine: Driven, readings: Readings) -> None:
+        """A robot's program tells what its sensors measured since its last step, unless it is frozen."""
+        compass = None if readings.compass is None else (readings.compass, readings.compass_sigma)
+        told = readings.odometry, compass, readings.fix, tuple(readings.sightings), tuple(readings.seen)
+        since = SinceStep(*told)
+        for fault in self._active:
+            if part := fault.silences(to.name):
+                since = replace(since, **{part: faults.PARTS[part]})
+        since = self._untold.get(to.name, SinceStep()).plus(since)
+        if to.name in self._frozen:
+            self._untold[to.name] = since
+            return
+        self._untold.pop(to.name, None)
+        self.send(to, to.act(lambda: machine.step(since, readings.time)[1]))

@@ -7,7 +7,7 @@ import pytest
 
 from blackboard.wire.messages import Consensus, Report, Status
 from tests.nights import faults
-from tests.nights.events import Began, Ended, Event, Said
+from tests.nights.events import Began, Died, Ended, Event, Said, Unsound
 from tests.nights.faults import Fault
 from tests.nights.night import Night, Team
 from tests.nights.stage import Stage
@@ -181,3 +181,17 @@ def test_a_full_disk_costs_the_tape_nothing_that_has_room_in_memory() -> None:
     whole, full = (Played(fault, until=7.0, record=True) for fault in (same, faults.FullDisk(3.0, 5.0)))
     assert full.stage.writer.missing == 0
     assert full.stage.writer.messages == whole.stage.writer.messages
+
+
+def test_a_program_that_gives_readings_by_calls_is_a_robot_as_any_other() -> None:
+    team, seen = replace(TEAM, mode="free", fusion="joint", driven=("r1",)), []
+    for silent in ((), (faults.Silent(3.0, 8.0, "robot/r1", "sightings"),)):
+        played = Played(*silent, faults.Frozen(10.0, 12.5, "robot/r1"), team=team, until=16.0)
+        said = [(event.at, event.message) for event in played.said("robot/r1") if isinstance(event.message, Report)]
+        evidence = [(at, report.evidence) for at, report in said if report.evidence is not None]
+        spans = (3, 8), (8, 10), (10, 12.5), (12.5, 16)
+        seen.append([[len(told.relatives) > 0 for at, told in evidence if b < at < e] for b, e in spans])
+        assert not [event for event in played.events if isinstance(event, Died | Unsound)]
+    assert [any(some) for some in seen[0]] == [True, True, False, True]
+    assert [any(some) for some in seen[1]] == [False, True, False, True]
+    assert [len(some) > 0 for some in seen[1]] == [True, True, False, True]
