@@ -19,6 +19,7 @@ class Process:
     name: str
     sub_teams: set[str] = field(default_factory=set)
     tokens: set[str] = field(default_factory=set)  # that it holds
+    expected: bool = False  # a scenario names it
     gone_at: float | None = None  # since when its last token is gone
     tick: int = -1
     time: float = 0.0  # team time of that tick, seconds
@@ -26,6 +27,7 @@ class Process:
     messages: int = 0
     bytes: int = 0
     status: Status | None = None
+    believed: tuple[int, float] | None = None  # of a robot: tick and team time of the newest belief about it
     #: of a robot: team time (s) and speed (unit/s) of its newest ticks
     speeds: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=RECENT))
     _ticks: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
@@ -39,6 +41,14 @@ class Process:
     def speaks(self) -> bool:
         """Whether it is alive, and no board that follows another one of its sub-team."""
         return self.alive and not (self.status is not None and self.status.follows)
+
+    def state(self, now: float) -> tuple[str, float | None]:
+        """What it does: "alive", "silent" or "gone"; and for how many seconds the latter two, None where it was never heard."""
+        if self.alive:
+            silent = now - self.heard_at
+            return ("silent", silent) if self.heard_at > 0 and silent > SILENT else ("alive", None)
+        since = self.gone_at if self.gone_at is not None else self.heard_at
+        return "gone", now - since if since > 0 else None
 
     def note_message(self, now: float, size: int) -> None:
         self.heard_at = now

@@ -72,7 +72,10 @@ class TeamFold:
 
     def expect(self, sub_team: str, robot: str) -> None:
         """A scenario names this robot: it is shown although it was never heard. Refused: "too-many"."""
-        self._process("robot", robot, sub_team)
+        self._process("robot", robot, sub_team).expected = True
+        for board in list(self.processes.values()):
+            if board.kind == "board" and board.status is not None and sub_team in board.sub_teams:
+                self._hear_ages(sub_team, board.status, board.heard_at)
 
     def _forget(self) -> None:
         """A new run: nothing of the beliefs and ticks before it counts."""
@@ -80,6 +83,7 @@ class TeamFold:
         for process in self.processes.values():
             process.tick = -1
             process.speeds.clear()
+            process.believed = None
         self._reports, self._consensus, self._agreed = Store[Report](), Store[Consensus](), Store[Consensus]()
         self._sightings: dict[str, tuple[str, ...]] = {}  # observer -> what it sees
         self._open: tuple[int, float] | None = None  # tick and time of the moment that is not complete
@@ -114,12 +118,7 @@ class TeamFold:
             process.gone_at = None if process.alive else now
             self.changes += 1
             self._tell_of_gone(process, now)
-            self._note(
-                "here" if process.alive else "gone",
-                process.name,
-                kind if kind == process.name else f"{kind} {process.name}",
-                now,
-            )
+            self._note("here" if process.alive else "gone", process.name, process.name, now)
 
     def _tell_of_gone(self, process: Process, now: float) -> None:
         """An alarm where a process has gone, unless it is the world at the end of its run."""
@@ -248,13 +247,23 @@ class TeamFold:
             self.alarms.end("full disk", disk.recorder, now)
 
     def _hear_ages(self, sub_team: str, status: Status, now: float) -> None:
-        """A board knows robots that left before this fold began: those it heard in the last minute are taken in here, too."""
+        """A board knows robots that left before this fold began.
+
+        Those that it heard in the last minute are taken in here, too, and those that a scenario names whenever it heard them.
+        """
         for robot, age in status.ages.items():
-            if ("robot", robot) not in self.processes and 0 <= age < FORGET:
+            known = self.processes.get(("robot", robot))
+            is_missed = known is not None and known.expected and not known.alive and not known.heard_at
+            if (is_missed and 0 <= age < now) or (known is None and 0 <= age < FORGET):
                 process = self._process("robot", robot, sub_team)
                 process.heard_at = process.gone_at = now - age
                 if age > SILENT:
                     self.alarms.raise_("gone", robot, f"{robot} is gone", process.gone_at)
+        for name in status.lacks:
+            kind, _, robot = name.partition("/")
+            waited = self.processes.get((kind, robot))
+            if waited is not None and waited.expected and waited.state(now) == ("gone", None):
+                self.alarms.raise_("gone", robot, f"{robot} is waited for and was never heard", now)
 
     # --- moments --------------------------------------------------------------------------------------------------------
 
@@ -313,6 +322,9 @@ class TeamFold:
             )
             if about.best is not None or about.reports or about.truth is not None:
                 subjects[subject] = about
+            kind, _, name = subject.partition("/")
+            if about.best is not None and (process := self.processes.get((kind, name))) is not None:
+                process.believed = about.best.message.tick, about.best.message.time
         for store in (self._agreed, self._consensus, self._reports):
             store.drop_before(time - FORGET)
         seen = [

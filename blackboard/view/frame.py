@@ -88,6 +88,7 @@ def slim(team: TeamFold, now: float) -> list[Table]:
         {
             **{name: process[name] for name in names},
             "age": None if process["age"] is None else _short(process["age"]),
+            "away": None if process["away"] is None else _short(process["away"]),
             "rate": _short(process["rate"]),
         }
         for process in processes(team, now)

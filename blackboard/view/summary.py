@@ -7,7 +7,7 @@ from blackboard.process.columns import cell, columns, shortened
 from blackboard.state.alarms import LIKELY_LOST, Alarm, named
 from blackboard.state.fold import Fold
 from blackboard.state.moments import About, Moment
-from blackboard.state.processes import SILENT, Process
+from blackboard.state.processes import Process
 from blackboard.state.received import REGION
 from blackboard.state.team import TeamFold
 
@@ -87,12 +87,13 @@ def _unnamed(team: TeamFold) -> dict[str, int]:
 def _process(process: Process, now: float, lost: float | None) -> Table:
     status = process.status
     counters = {} if status is None else status.counters
-    silent = process.heard_at > 0 and now - process.heard_at > SILENT
+    state, away = process.state(now)
     return {
         "name": process.name,
         "kind": process.kind,
         "sub_teams": sorted(process.sub_teams),
-        "state": ("silent" if silent else "alive") if process.alive else "gone",
+        "state": state,
+        "away": away,  # seconds for which it is silent or gone
         "part": _part(process),
         "tick": None if process.tick < 0 else process.tick,
         "time": None if process.tick < 0 else process.time,
@@ -115,7 +116,7 @@ def alarms(team: TeamFold, now: float) -> list[Table]:
     silent = [
         Alarm("gone", process.name, f"{process.name} is silent, though connected", process.heard_at, now)
         for process in team.processes.values()
-        if process.alive and process.heard_at > 0 and now - process.heard_at > SILENT
+        if process.state(now)[0] == "silent"
     ]
     return [_alarm(alarm, now) for alarm in [*silent, *(alarm for alarm in team.alarms.all() if alarm.since <= now)]]
 
@@ -229,7 +230,7 @@ def process_lines(team: Table, width: int | None) -> list[str]:
 def _state(one: Table) -> str:
     state = one["state"]
     if state != "alive":
-        state = "never heard" if one["age"] is None else f"{state} {one['age']:.0f} s"
+        state = "never heard" if one["away"] is None else f"{state} {one['away']:.0f} s"
     follows, namesakes = one["part"] == "follows", one["counters"].get("namesakes")
     return ", ".join([state] + ["follows"] * follows + [f"namesakes {namesakes}"] * bool(namesakes))
 

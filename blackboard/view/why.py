@@ -42,8 +42,10 @@ def explain(team: TeamFold, moment: Moment, subject: str, drift: float = 1.0) ->
     `blackboard.view.words` says it in sentences. drift: the boards' `[board] drift`, unit per square root of a second, by which old
     reports spread. UserError: no board has a belief about the subject.
     """
-    about = moment.subjects.get(subject)
+    about, absent = moment.subjects.get(subject), _absent(team, moment, subject)
     if about is None or about.best is None:
+        if absent is not None:
+            raise UserError(f"{subject}: no board has a belief about it in tick {moment.tick}; {_since(absent)}")
         known = sorted(name for name, about in moment.subjects.items() if about.best is not None)
         near = get_close_matches(subject, known, 1) or [name for name in known if name.split("/")[1] == subject]
         meant = f"; did you mean {near[0]}?" if near else ""
@@ -61,6 +63,7 @@ def explain(team: TeamFold, moment: Moment, subject: str, drift: float = 1.0) ->
         "time": moment.time,
         "subject": subject,
         "unit": best.belief.grid.unit,
+        "absent": absent,
         "truth": None if about.truth is None else list(about.truth),
         "agreed_by": sorted(here),
         "agreed_before": {
@@ -69,6 +72,34 @@ def explain(team: TeamFold, moment: Moment, subject: str, drift: float = 1.0) ->
         "same": len({consensus.belief.data for consensus in here.values()}) <= 1,
         "levels": [_level(told, about, moment, _feedback(team, told.message.board), drift) for told in chosen],
     }
+
+
+def _absent(team: TeamFold, moment: Moment, subject: str) -> Table | None:
+    """Of a robot that was silent, gone or never heard at a moment: for how long, and when it was believed last."""
+    kind, _, name = subject.partition("/")
+    process = team.processes.get((kind, name)) if kind == "robot" else None
+    if process is None:
+        return None
+    state, seconds = process.state(moment.at)
+    if state == "alive" or (seconds is not None and seconds <= 0):
+        return None
+    believed = process.believed if process.believed is not None and process.believed[0] <= moment.tick else None
+    return {"name": name, "state": state, "for": seconds, "believed": believed}
+
+
+def away(absent: Table) -> str:
+    """Who is absent, and for how long, in words."""
+    if absent["for"] is None:
+        return f"{absent['name']} was never heard"
+    return f"{absent['name']} is {absent['state']}, for {absent['for']:.0f} s"
+
+
+def _since(absent: Table) -> str:
+    """Why nothing is believed about who is absent: for how long it is, and when that was believed last."""
+    if absent["believed"] is None:
+        return away(absent)
+    tick, time = absent["believed"]
+    return f"{away(absent)}, and was believed last in tick {tick} ({time:.1f} s)"
 
 
 def _feedback(team: TeamFold, board: str) -> str:

@@ -11,7 +11,7 @@ from blackboard.opinion.gaussian.coalitions import PREDICTION
 from blackboard.opinion.gaussian.distrust import DISTRUSTED
 from blackboard.opinion.gaussian.priors import found_in
 from blackboard.state.alarms import LIKELY_LOST, named
-from blackboard.view.why import JOINT
+from blackboard.view.why import JOINT, away
 
 Table = dict[str, Any]
 
@@ -42,6 +42,7 @@ def _answer(level: Table, told: Table) -> str:
         return f"What is believed about {told['subject']} cannot be read."
     ignored = [named(out["source"]) for out in level["left_out"]]
     but = f"; {_and(ignored)} {'was' if len(ignored) == 1 else 'were'} ignored" if ignored else ""
+    but += f"; {away(told['absent'])}" if told["absent"] is not None else ""
     return f"{told['subject']} is believed to be {_place(level, told['unit'])}, because {_because(level)}{but}."
 
 

@@ -87,6 +87,40 @@ def test_a_robot_that_went_before_anybody_looked_is_known_by_its_board() -> None
     assert "! r3 is gone, for 12 s" in text(summary(fold, 100.0))
 
 
+@pytest.mark.parametrize("named_first", [False, True])
+def test_a_robot_of_the_scenario_that_its_board_heard_long_ago_is_gone_since_then(named_first: bool) -> None:
+    fold = Fold()
+    said = Status(process="board-a", kind="board", tick=4, time=2.0, ages={"r2": 218.2, "r4": 218.2})
+    if named_first:
+        fold.expect("t", {"a": ["r2"]})
+    fold.hear_envelope(Envelope(keys.BOARD.key(team="t", sub_team="a", board="board-a"), kind=Kind.ALIVE), 1000.0)
+    fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 1000.0)
+    if not named_first:
+        fold.expect("t", {"a": ["r2"]})
+    shown = text(summary(fold, 1000.0))
+    assert "gone 218 s" in shown
+    assert "! r2 is gone, for 218 s" in shown
+    assert "r4" not in shown
+
+
+def test_a_robot_of_the_scenario_that_a_board_waits_for_is_an_alarm_until_it_comes() -> None:
+    fold = Fold()
+    fold.expect("t", {"a": ["r1", "r2"]})
+    said = Status(process="board-a", kind="board", tick=0, time=0.0, lacks=["robot/r1", "robot/r7", "board/b/x"])
+    fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 100.0)
+    assert alarm_lines(summary(fold, 107.0)["teams"][0]) == ["! r1 is waited for and was never heard, for 7 s"]
+    fold.hear_envelope(Envelope(R1, kind=Kind.ALIVE), 110.0)
+    assert [alarm.until for alarm in fold.teams["t"].alarms.all()] == [110.0]
+
+
+def test_since_when_a_robot_is_gone_is_the_same_in_its_row_and_its_alarm() -> None:
+    fold = folded()
+    fold.hear_envelope(Envelope(R1, kind=Kind.GONE), 1_000_010.0)
+    shown = text(summary(fold, 1_000_022.0))
+    assert "gone 12 s" in shown
+    assert "! r1 is gone, for 12 s" in shown
+
+
 def test_robots_of_the_scenario_are_shown_although_they_never_came() -> None:
     fold = folded()
     fold.expect("t", {"a": ["r1", "r9"]})

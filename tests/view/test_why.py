@@ -268,6 +268,7 @@ def who(level: dict[str, Any]) -> list[str]:
         "tick": 1,
         "time": 1.0,
         "unit": "cell",
+        "absent": None,
         "truth": None,
         "agreed_by": ["a"],
         "agreed_before": {},
@@ -280,6 +281,30 @@ def test_an_unknown_subject_is_a_person_s_mistake() -> None:
     team, moment = newest()
     with pytest.raises(UserError, match="known are object/ball"):
         explain(team, moment, "object/nothing")
+
+
+def test_a_robot_that_is_gone_is_not_taken_for_a_mistyped_one() -> None:
+    team, moment = newest()
+    token = Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.GONE)
+    fold = folded_with(lambda said: {})
+    fold.hear_envelope(token, moment.at + 1.0)
+    team, later = fold.teams["t"], replace(moment, at=moment.at + 219.0)
+    assert sentences(explain(team, later, "robot/r1"))[0].endswith("; r1 is gone, for 218 s.")
+    assert "r1 is gone" not in " ".join(sentences(explain(team, moment, "robot/r1")))
+    forgotten = replace(later, subjects={name: about for name, about in moment.subjects.items() if name != "robot/r1"})
+    with pytest.raises(UserError) as told:
+        explain(team, forgotten, "robot/r1")
+    assert f"; r1 is gone, for 218 s, and was believed last in tick {moment.tick} ({moment.time:.1f} s)" in str(
+        told.value
+    )
+    assert "did you mean" not in str(told.value)
+
+
+def test_a_robot_of_the_scenario_that_never_came_is_named_by_why() -> None:
+    fold = folded_with(lambda said: {})
+    fold.expect("t", {"a": ["r9"]})
+    with pytest.raises(UserError, match="in tick [0-9]+; r9 was never heard$"):
+        explain(*newest(fold.teams["t"]), "robot/r9")
 
 
 def test_who_keeps_disagreeing_and_opposed_camps_are_told() -> None:

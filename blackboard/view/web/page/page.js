@@ -343,7 +343,7 @@ function lastPlaces(header, away) {
 }
 
 /** What a process does: "alive", "gone 12 s", "never heard". */
-function since(it) { return it.state === "alive" ? it.state : it.age === null ? "never heard" : `${it.state} ${it.age.toFixed(0)} s`; }
+function since(it) { return it.state === "alive" ? it.state : it.away === null ? "never heard" : `${it.state} ${it.away.toFixed(0)} s`; }
 
 let map = null, dragged = false; // the projection of the map as it was drawn; whether the pointer has moved since it was pressed
 
