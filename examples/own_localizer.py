@@ -103,8 +103,9 @@ def kalman(settings: RobotSection, grid: Grid) -> Kalman:
     return Kalman(settings, grid, np.array(grid.origin) + size / 2, np.diag(size**2 / 12))
 
 
-def main() -> None:
-    demo = load("demo").changed("time", seconds=10.0).changed("board", fusion="opinions")
+def main(seconds: float = 10.0) -> None:
+    """Print how far off the demo's robots are with each localizer, alone and as the team agrees, after so many seconds."""
+    demo = load("demo").changed("time", seconds=seconds).changed("board", fusion="opinions")
     for name in ("kalman", "position"):
         card = run_one(name, demo.changed("robot", localizer=name))["card"]
         solo, agreed = (card["scores"]["robots"][level] for level in ("solo", "agreed"))

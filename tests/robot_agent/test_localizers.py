@@ -1,6 +1,7 @@
 """Which localizers there are: the package's own, a script's, and those of installed packages."""
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire.messages import Fix, Readings, Sighting
-from examples.own_localizer import kalman
+from examples.own_localizer import kalman, main
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator
 from robot_agent.localizer import Localizer
@@ -122,3 +123,12 @@ def test_an_installed_package_that_fails_to_load_is_named(
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(UserError, match=rf"plug-in 'theirs' of .*: {value} cannot be loaded .*; mend or uninstall"):
         Estimator.begin(named("theirs"), GRID, "r1")
+
+
+def test_the_example_runs_the_demo_with_its_own_localizer_and_with_the_package_s(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    main(seconds=2.0)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["kalman", "position"]
+    assert all(re.search(r"solo \d+\.\d\d, agreed \d+\.\d\d cell$", line) for line in lines)
