@@ -8,10 +8,14 @@ which a door prints the same way before it exits with status 1.
 """
 
 import difflib
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
+
+PACKAGE = "cop-blackboard"  # as it is installed
 
 
 class OpinionError(ValueError):
@@ -74,14 +78,33 @@ def plain(error: Exception) -> str:
 
 @contextmanager
 def extra(name: str, what: str) -> Iterator[None]:
-    """Around imports of what an extra of the package installs. UserError: it is not there; says what needs it, and the cure."""
+    """Around imports of what an extra of the package installs. UserError: it is not there; says what needs it, and the cure.
+
+    The cure works in a clone, and where a wheel was installed: the package itself is on no registry, what the extra needs is.
+    """
     try:
         yield
     except ModuleNotFoundError:
         clone = Path(__file__).parent.parent
-        package = f"-e '{clone}[{name}]'" if (clone / "pyproject.toml").exists() else f"'cop-blackboard[{name}]'"
-        cure = f"{sys.executable} -m pip install {package}"
+        is_clone = (clone / "pyproject.toml").exists()
+        packages = f"-e '{clone}[{name}]'" if is_clone else " ".join(f"'{one}'" for one in _needed(name))
+        cure = f"{sys.executable} -m pip install {packages}"
         raise UserError(f"{what} needs the extra `{name}`: {cure}") from None
+
+
+def _needed(extra_name: str) -> list[str]:
+    """What an extra of the installed package needs, as pip takes it; an extra that it takes in is in its place."""
+    needed = list[str]()
+    try:
+        requirements = metadata.requires(PACKAGE) or []
+    except metadata.PackageNotFoundError:  # the source alone is here
+        return [f"{PACKAGE}[{extra_name}]"]
+    for line in requirements:
+        requirement, _, marker = line.partition(";")
+        if marker.strip().replace('"', "'") == f"extra == '{extra_name}'":
+            inner = re.fullmatch(rf"{PACKAGE}\[(.+)\]", requirement.strip())
+            needed += [requirement.strip()] if inner is None else _needed(inner[1])
+    return needed
 
 
 @contextmanager

@@ -110,7 +110,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("python -m tests.robot_agent.spoilt", NotRun("minutes, and a recording")),
     ),
     "recording.md": (
-        ("pip install", NotRun("tests/tape/test_door.py and tests/system/test_tape.py run the same commands on small tapes")),
+        (".venv/bin/pip install", NotRun("tests/tape/test_door.py and tests/system/test_tape.py run the same commands on small tapes")),
     ),
     "research.md": (("blackboard demo", RESEARCH), ("import pandas", RESEARCH), ("blackboard sweep", RESEARCH)),
     "robots.md": (("[team]", ROBOTS), ("blackboard router", ROBOTS), *[("", ROBOTS)] * 4),
@@ -136,7 +136,7 @@ CLAIMS: dict[str, tuple[tuple[str, str | NotRun], ...]] = {
         ("blackboard demo", NotRun("tests/long/test_research_page.py and tests/tape/test_door.py run the same, shorter")),
     ),
     "security.md": (
-        ("pip install", NotRun("an installation; tests/access/test_team.py runs the two commands on the demo")),
+        (".venv/bin/pip install", NotRun("an installation; tests/access/test_team.py runs the two commands on the demo")),
         ("base$    blackboard router", NotRun("several hosts; tests/access/test_door.py runs them on one")),
         ("keys/authority/", DRAWING),
         ("blackboard keys init", NotRun("a Docker engine; tests/compose/test_compose.py runs the same services")),

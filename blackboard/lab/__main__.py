@@ -67,7 +67,7 @@ def lab(
     lost
         Instead of all this, run whole teams with one faulty robot, and judge the probability of being lost that boards tell of each.
     picture
-        Also draw the table into this file (.svg or .png); needs the extra `plot`.
+        Also draw the table into this file (.svg or .png) (extra `plot`).
     """
     drawing = _drawing("--picture") if picture is not None else None
     seed = SEED if length.seed is None else length.seed
@@ -203,7 +203,7 @@ def figures(
 ) -> int:
     """Draw the paper's figures into a folder (SVG, PNG, a page of all), and list the files; with --json also their numbers.
 
-    Figs. 1 to 5 are 1-D; Figs. 6 and 7 come from the simulated world with the paper's sensors. Needs the extra `plot`.
+    Figs. 1 to 5 are 1-D; Figs. 6 and 7 come from the simulated world with the paper's sensors. (Extra `plot`.)
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def sweep(
     table
         Also write a row for each run, group and level into this file: .csv, .jsonl or .parquet.
     plot
-        Also draw the comparison into this folder; needs the extra `plot`.
+        Also draw the comparison into this folder (extra `plot`).
     """
     drawing = _drawing("--plot", "sweep_drawing") if plot is not None else None
     if table is not None:

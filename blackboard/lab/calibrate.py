@@ -45,7 +45,7 @@ def calibrate(
     track
         From wheel to wheel, in the grid's unit: it tells a curve from a turn on the spot.
     plot
-        Also draw the residuals of each robot into this folder; needs the extra `plot`.
+        Also draw the residuals of each robot into this folder (extra `plot`).
     """
     if plot is not None:
         with extra("plot", "--plot"):

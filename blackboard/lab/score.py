@@ -59,7 +59,7 @@ def score(
     summary
         Also write what is shown into this file: Markdown, or CSV if its name ends in .csv.
     pictures
-        Also draw trajectories, errors and areas of each protocol into this folder; needs the extra `plot`.
+        Also draw trajectories, errors and areas of each protocol into this folder (extra `plot`).
     """
     drawing = _drawing() if pictures is not None else None
     _check(table, summary)

@@ -168,9 +168,9 @@ class ViewFlags:
     """How a run is looked at."""
 
     view: Annotated[bool, Parameter(negative="", show_default=False)] = False
-    "Also serve a live page of the run on a free port of 127.0.0.1 (extra web); its address is in the log; opens where a display is."
+    "Also serve a live page of the run on a free port of 127.0.0.1 (extra `web`); its address is in the log; opens where a display is."
     plot: Path | None = None
-    "Also draw error, region, entropy and coverage over time, and all ways with ellipses, into this folder (extra plot)."
+    "Also draw error, region, entropy and coverage over time, and all ways with ellipses, into this folder (extra `plot`)."
 
 
 @Parameter(name="*")

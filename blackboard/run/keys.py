@@ -19,7 +19,7 @@ from blackboard.run.flags import TeamFlags
 
 SHORTEST, LONGEST = 1.0 / 24, 3650.0  # days of a certificate
 
-app = door.new_app("keys", "Make and revoke the certificates that shut a team's door (extra keys).")
+app = door.new_app("keys", "Make and revoke the certificates that shut a team's door (extra `keys`).")
 Directory = Annotated[Path, Parameter(name="--dir", help="The directory of the team's keys.")]
 Names = Annotated[list[str] | None, Parameter(name="--name", negative="")]
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from blackboard.config import Scenario
-from blackboard.errors import UserError
+from blackboard.errors import UserError, extra
 from blackboard.judge.files import table_file
 from blackboard.judge.intervals import student
 from blackboard.lab import __main__ as room
@@ -277,6 +278,18 @@ def test_where_files_go_is_checked_before_the_first_run(
             call(*command, flag, value)
         assert str(error.value).startswith(f"{flag} {value}: ")
         assert says in str(error.value)
+
+
+def test_where_a_wheel_was_installed_the_cure_names_what_the_extra_needs(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The package is on no registry. An extra that takes in another one names what that one needs."""
+    monkeypatch.setattr("blackboard.errors.__file__", str(tmp_path / "blackboard" / "errors.py"))
+    for name, needs in (("record", ["mcap"]), ("table", ["mcap", "pyarrow"])):
+        with pytest.raises(UserError) as error, extra(name, "it"):
+            raise ModuleNotFoundError
+        _, _, packages = str(error.value).partition(f"{sys.executable} -m pip install ")
+        assert [re.sub(r"\W.*", "", package.strip("'")) for package in packages.split()] == needs
 
 
 def test_without_the_extra_it_is_one_line_that_can_be_pasted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
