@@ -8,13 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from blackboard.opinion.belief import gaussian
 from blackboard.state.fold import Fold
 from blackboard.state.moments import Moment
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
-from blackboard.wire.arrays import unpack
+from blackboard.wire import keys
+from blackboard.wire.arrays import pack, unpack
+from blackboard.wire.codec import decode, encode
 from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Consensus
 from tests.files import GOLDEN
+from tests.scenarios import SCENARIO
 from tests.view.browser import FOUND, MISSING, Browser, browser
 from tests.view.recorded import golden_team, recorded, within
 from tests.view.serving import served
@@ -178,6 +183,24 @@ def test_a_killed_robot_is_shown_as_gone_within_two_seconds(look: Callable[[str]
         page.wait(alarm)
         page.get(f"{alarm}.lastChild.click()")
         page.wait(f"!{alarm}")
+
+
+def test_a_robot_that_may_be_anywhere_does_not_paint_the_map(look: Callable[[str], Browser]) -> None:
+    """It has a dotted outline, and its name says that it is lost."""
+    live, wide = Live(), gaussian(SCENARIO.grid, (12.0, 12.0), 1000.0)
+    live.fold = Fold()
+    for envelope, _ in recorded():
+        told = envelope
+        if envelope.kind is Kind.PUT and keys.AGREED.match(envelope.key) and envelope.key.endswith("/robot/r1"):
+            changes = {"belief": pack(wide), "entropy": float(np.log(wide.p.size)), "state": None, "velocity": None}
+            told = Envelope(envelope.key, encode(decode(Consensus, envelope.payload).model_copy(update=changes)))
+        live.fold.hear_envelope(told, live.now)
+    with served(live, "t") as url:
+        page = look(url)
+        page.wait("window.page.state.shown && window.page.state.shown.subjects['robot/r1']")
+        filled = """(() => { const it = document.getElementById("map"), data = it.getContext("2d").getImageData(0, 0, it.width, it.height).data;
+            let count = 0; for (let k = 3; k < data.length; k += 4) count += data[k] > 8; return count / (data.length / 4); })()"""
+        assert page.get(filled) < 0.4
 
 
 def test_alarms_that_are_over_are_one_card(look: Callable[[str], Browser]) -> None:

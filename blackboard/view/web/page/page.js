@@ -41,6 +41,7 @@ const state = {
   seen: new Set(JSON.parse(saved("seen") || "[]")), // alarms that were looked at
   important: saved("events") === "important", // of what happened only alarms and warnings are shown
 };
+const LOST = 0.1; // share of the map, exp(entropy) of its cells, as blackboard/state/alarms.py has it: such a belief is not filled
 const FAINT = 0.05; // share of the map: a belief that is wider is drawn thinner, so that it never covers the map
 window.page = { state, history: history_, level, peak, best, contour }; // for tests and the curious
 
@@ -279,8 +280,9 @@ function drawMap(header, names, colours) {
     const tone = away.has(name) ? colours.soft : tint(name), [r, g, b] = rgb(tone), chosen = name === state.subject;
     const share = belief.area / (grid.cell ** 2 * grid.shape[0] * grid.shape[1]), ink = 235 * Math.min(1, Math.sqrt(FAINT / Math.max(share, 1e-9)));
     context.globalAlpha = it.share ?? 1; // what may not be there, or may be what was seen, is faint
-    if (on("belief")) place(context, to, grid, belief, picture(belief, (at) => [r, g, b, at ? ink * Math.exp((at - 255) * header.step * 0.6) : 0]), true);
-    context.strokeStyle = tone; context.lineWidth = chosen ? 2.6 : 1.5; context.setLineDash(it.conflict ? [5, 3] : []);
+    const lost = isLost(belief, grid);
+    if (on("belief") && !lost) place(context, to, grid, belief, picture(belief, (at) => [r, g, b, at ? ink * Math.exp((at - 255) * header.step * 0.6) : 0]), true);
+    context.strokeStyle = tone; context.lineWidth = chosen ? 2.6 : 1.5; context.setLineDash(lost ? [2, 5] : it.conflict ? [5, 3] : []);
     if (on("region")) outline(context, to, grid, belief);
     context.setLineDash([]);
     context.globalAlpha = 1;
@@ -293,7 +295,7 @@ function drawMap(header, names, colours) {
     const off = Math.max(11, Math.min(60, 1.9 * belief.sigma * to.scale + 5));
     context.font = `${name === state.subject ? 700 : 600} 12px system-ui, sans-serif`;
     context.textAlign = "left"; context.textBaseline = "alphabetic"; context.lineJoin = "round";
-    const label = name.split("/")[1] + (away.has(name) ? `, ${away.get(name)}` : belief.age > OLD ? `, ${belief.age.toFixed(0)} s old` : "");
+    const label = name.split("/")[1] + (away.has(name) ? `, ${away.get(name)}` : isLost(belief, grid) ? ", lost" : belief.age > OLD ? `, ${belief.age.toFixed(0)} s old` : "");
     const x = Math.min(to.x(belief.mean[0]) + off * 0.72, to.x(x1) - 8 * label.length), y = to.y(belief.mean[1]) - off * 0.72;
     context.lineWidth = 3.5; context.strokeStyle = colours.arena; context.strokeText(label, x, Math.max(y, 14));
     context.fillStyle = away.has(name) ? colours.soft : tint(name); context.fillText(label, x, Math.max(y, 14));
@@ -324,6 +326,9 @@ function drawMotion(context, to, it, belief, tone) {
   }
   if (it.velocity) line(context, x, y, to.x(belief.mean[0] + it.velocity[0]), to.y(belief.mean[1] + it.velocity[1]));
 }
+
+/** Whether a belief is so wide that it says nearly nothing of the place. */
+function isLost(belief, grid) { return Math.exp(belief.entropy) > LOST * grid.shape[0] * grid.shape[1]; }
 
 /** Robots that are gone or silent, by subject, and for how long. */
 function absent(header) {
@@ -553,7 +558,7 @@ function told(event) {
 
 function drawEvents(header) {
   const grave = header.events.filter((it) => it.severity !== "note"), last = grave[grave.length - 1] || header.events[header.events.length - 1];
-  $("important").textContent = state.important ? "important" : "everything";
+  $("important").setAttribute("aria-pressed", String(state.important));
   if (last) {
     $("latest").className = last.severity;
     $("latest").textContent = `${last.tick < 0 ? "" : `tick ${last.tick}: `}${told(last)}`;
