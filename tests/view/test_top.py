@@ -13,6 +13,8 @@ from blackboard.opinion.grid import Grid
 from blackboard.tape.file import read
 from blackboard.view.feed import TapeFeed
 from blackboard.view.tui.heat import BACK, colour, heat
+from blackboard.wire import keys
+from blackboard.wire.envelope import Envelope, Kind
 from tests.commands import call
 from tests.files import GOLDEN
 from tests.view.recorded import team_of
@@ -131,6 +133,20 @@ def test_a_small_terminal_has_room_for_all_keys_and_the_beginning_of_why() -> No
             "← → tick", "q quit", "space pause", "[ ] subject", "l log/linear", "w why", "a alarms seen"
         ]  # fmt: skip
         assert max(key.region.right for key in keys) <= 80
+
+    on_a_tape(story)
+
+
+def test_the_newest_event_comes_first_because_the_last_lines_may_not_fit() -> None:
+    async def story(top: Top, pilot: Pilot[None]) -> None:
+        for robot in ("r1", "r2"):
+            token = keys.MEMBER.key(team="demo", sub_team="a", robot=robot)
+            for kind in (Kind.ALIVE, Kind.GONE):
+                top.source.fold.hear_envelope(Envelope(token, kind=kind), top.source.now)
+        top.draw()
+        newest, *older = said(top, "#events").splitlines()
+        assert newest.endswith("r2 is gone")
+        assert any(line.endswith("r1 is gone") for line in older)
 
     on_a_tape(story)
 

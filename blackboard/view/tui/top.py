@@ -156,7 +156,7 @@ class Top(App[None]):
             f"tick {event.tick}  {event.text}{' is ' + event.what if event.what in ('here', 'gone') else ''}"
             for event in fold.events
         ]
-        self._show("events", [shortened(event, width or MAX_LINE) for event in events[-EVENTS:]])
+        self._show("events", [shortened(event, width or MAX_LINE) for event in events[: -EVENTS - 1 : -1]])
         self.query_one("#why", Static).update(
             Text("\n".join(map(printable, self._why(moment))) if self.with_why else "")
         )
