@@ -94,7 +94,7 @@ def _who_is_off(by_name: Mapping[str, Any], unit: str) -> list[str]:
     """The robot whose error stands out, alone or in what the team agrees on."""
     for level, why in (
         ("solo", "it lost itself on its own readings: its sensors, or its model of them, are to blame"),
-        ("agreed", "what others say of it leads astray: `blackboard why` on a tape of the run (--record) names them"),
+        ("agreed", "what others say of it leads astray: record it (--record run.mcap), and `{why}` names them"),
     ):
         errors = {name: levels[level]["rmse"] for name, levels in by_name.items() if levels[level]["n"]}
         if len(errors) < 2:
@@ -102,8 +102,14 @@ def _who_is_off(by_name: Mapping[str, Any], unit: str) -> list[str]:
         worst = max(errors, key=lambda name: errors[name])
         others = _together(levels[level] for name, levels in by_name.items() if name != worst)
         if errors[worst] > OFF * others:
-            return [f"{worst} is off: {level} rmse {errors[worst]:.3f} {unit}, the other robots' {others:.3f}; {why}"]
+            off = f"{worst} is off: {level} rmse {errors[worst]:.3f} {unit}, the other robots' {others:.3f}"
+            return [f"{off}; {why.format(why=_why(f'robot/{worst}'))}"]
     return []
+
+
+def _why(subject: str) -> str:
+    """The command that says why a subject is believed to be where it is, of a run that was recorded."""
+    return f"blackboard why {subject} run.mcap"
 
 
 def _no_gain(scores: Scores, company: Mapping[str, float], away: Collection[str]) -> list[str]:
@@ -128,7 +134,7 @@ def _no_gain(scores: Scores, company: Mapping[str, float], away: Collection[str]
     if useless:
         causes.append(
             f"agreed equals solo for {_names(useless)} although others contributed: what they say weighs next to nothing "
-            "against its own; `blackboard why` shows the weights"
+            f"against its own; record the run (--record run.mcap), and `{_why(useless[0])}` shows the weights"
         )
     return causes
 

@@ -269,11 +269,18 @@ def _mistake(error: CycloptsError) -> str:
     if isinstance(error, CoercionError) and error.token is not None and error.target_type in NUMBERS:
         return f"{error.token.keyword or command} {error.token.value}: give {NUMBERS[error.target_type]}"
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
-        return f"{command or 'command'}: {' '.join(error.unused_tokens)} is too much; --help says what is expected"
+        return f"{command or 'command'}: {' '.join(error.unused_tokens)} is too much; it takes {_taken(error.app)} (--help)"
     if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app is not None:
         given, known = error.unused_tokens[0], [name for name in error.app if not name.startswith("-")]
         return f'Unknown command "{given}"; there are {", ".join(known)}{nearest(given, known)}'
     return str(error)
+
+
+def _taken(command: App | None) -> str:
+    """What a command takes: its arguments by the names that its help uses, and flags."""
+    arguments = command.assemble_argument_collection() if command is not None and command.default_command else ()
+    names = [one.name.lstrip("-").upper() for one in arguments if one.field_info.is_positional and "*" not in one.name]
+    return f"{', '.join(names)} and flags" if names else "flags only"
 
 
 def _has_reader() -> bool:

@@ -166,7 +166,7 @@ def run_scenario(
     except ValueError:
         if ending.asked:
             raise KeyboardInterrupt from None
-        what = f"the world ended with status {status} and without a scorecard"
+        what = f"the world {_ended(status)}"
         raise RunFailed(f"{what}; {trouble}" if trouble else what) from None
     if ending.asked and not card.get("ticks"):
         raise KeyboardInterrupt
@@ -175,6 +175,18 @@ def run_scenario(
     if ending.asked:
         raise Interrupted(card)
     return status, card
+
+
+def _ended(status: int) -> str:
+    """How the world ended that gave no scorecard, and what to do about it where the kernel may have killed it."""
+    if status >= 0:
+        return f"ended with status {status}, without a scorecard"
+    try:
+        name = signal.Signals(-status).name
+    except ValueError:
+        name = f"signal {-status}"
+    cure = "; if nobody did that, the host was short of memory: run fewer robots or a coarser grid"
+    return f"was killed by {name}, without a scorecard{cure if status == -signal.SIGKILL else ''}"
 
 
 class Ending:

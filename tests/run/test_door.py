@@ -54,7 +54,8 @@ def test_a_mistake_is_one_line_and_status_2(arguments: str, says: str) -> None:
     [
         ("serve", "serve: --sub-team is missing"),
         ("why", "why: SUBJECT is missing"),
-        ("why object/ball tape.mcap more", "why: more is too much"),
+        ("why object/ball tape.mcap more", "why: more is too much; it takes SUBJECT, FILE and flags (--help)"),
+        ("demo nothere", "demo: nothere is too much; it takes flags only (--help)"),
         ("health", "health: KIND is missing, one of router, world, board, robot"),
         ("tape mend", 'Unknown command "mend"; there are export, info, recover, cut, table'),
         ("serve --sub-team a/b", "--sub-team 'a/b'"),
