@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from blackboard.opinion.gaussian.coalitions import PREDICTION
+from blackboard.opinion.gaussian.coalitions import named
 from blackboard.opinion.gaussian.distrust import DISTRUSTED
 from blackboard.opinion.gaussian.priors import found_in
 from blackboard.state.moments import Moment
@@ -86,11 +86,6 @@ class Alarms:
     def check(self) -> None:
         """AssertionError: it is beyond its bounds."""
         assert len(self._kept) <= MAX_ALARMS
-
-
-def named(source: str) -> str:
-    """A source that was ignored, in a sentence; it may be what the joint itself predicted."""
-    return "the prediction" if source == PREDICTION else source
 
 
 def of_robot(name: str, settings: Mapping[str, object]) -> dict[tuple[str, str], str]:

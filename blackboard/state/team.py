@@ -9,9 +9,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from blackboard.errors import Refused
+from blackboard.opinion.gaussian.coalitions import named
 from blackboard.opinion.grid import Anchor, Grid
 from blackboard.process.bounded import put
-from blackboard.state.alarms import QUIET, Alarms, named, of_robot, shown_by
+from blackboard.state.alarms import QUIET, Alarms, of_robot, shown_by
 from blackboard.state.moments import MAX_BYTES, About, Moment, Point, Timeline
 from blackboard.state.processes import MAX_PROCESSES, SILENT, Process
 from blackboard.state.received import Received
@@ -353,16 +354,19 @@ class TeamFold:
         cells = math.inf if self.grid is None else math.prod(self.grid.shape)
         shown, alarms = shown_by(moment, cells)
         self.alarms.raise_all(alarms | self._said(), now)
-        for (subject, source), text in shown.items():
-            if (subject, source) not in self._noticed:
-                self._note("left out" if source else "conflict", subject, text, now)
-            self._noticed[subject, source] = moment.time
-        for (subject, source), last in list(self._noticed.items()):
-            if moment.time - last > QUIET:
-                del self._noticed[subject, source]
-                text = (
-                    f"{named(source)} counts again about {subject}"
-                    if source
-                    else f"no conflict about {subject} any more"
-                )
-                self._note("back in" if source else "agreement", subject, text, now)
+        begun = {key: text for key, text in shown.items() if key not in self._noticed}
+        self._noticed |= dict.fromkeys(shown, moment.time)
+        over = [key for key, last in self._noticed.items() if moment.time - last > QUIET]
+        for key in over:
+            del self._noticed[key]
+        for (subject, source), text in begun.items():
+            if source:
+                self._note("left out", subject, text, now)
+        if subjects := [subject for subject, source in begun if not source]:
+            self._note("conflict", subjects[0], f"conflict about {', '.join(subjects)}", now)
+        if subjects := [subject for subject, source in over if not source]:
+            self._note("agreement", subjects[0], f"no conflict about {', '.join(subjects)} any more", now)
+        for subject in dict.fromkeys(subject for subject, source in over if source):
+            sources = [named(source) for about, source in over if source and about == subject]
+            text = f"{', '.join(sources)} {'counts' if len(sources) == 1 else 'count'} again about {subject}"
+            self._note("back in", subject, text, now)

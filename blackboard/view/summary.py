@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
+from blackboard.opinion.gaussian.coalitions import named
 from blackboard.process.columns import cell, columns, shortened
-from blackboard.state.alarms import LIKELY_LOST, Alarm, named
+from blackboard.state.alarms import LIKELY_LOST, Alarm
 from blackboard.state.fold import Fold
 from blackboard.state.moments import About, Moment
 from blackboard.state.processes import Process

@@ -7,10 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from blackboard.opinion.gaussian.coalitions import PREDICTION
+from blackboard.opinion.gaussian.coalitions import PREDICTION, named
 from blackboard.opinion.gaussian.distrust import DISTRUSTED
 from blackboard.opinion.gaussian.priors import found_in
-from blackboard.state.alarms import LIKELY_LOST, named
+from blackboard.state.alarms import LIKELY_LOST
 from blackboard.view.why import JOINT, away
 
 Table = dict[str, Any]
@@ -59,8 +59,14 @@ def _because(level: Table) -> str:
         return "its board says so, and not who said it"
     weights = {name: _importance(level, name) for name in names}
     main = max(names, key=lambda name: weights[name])
-    rest = [name for name in names if name != main and not _is_idle(level["without"].get(name))]
-    return f"{main} said so" + (f", and {_and(rest)} changed it less" if rest else ", and the others changed nothing")
+    rest = [_whom(level, name) for name in names if name != main and not _is_idle(level["without"].get(name))]
+    less = f", and what {_and(rest)} said counted less" if rest else ", and what the others said changed nothing"
+    return f"{_whom(level, main)} said so{less}"
+
+
+def _whom(level: Table, source: str) -> str:
+    """A source of a belief, in a sentence: sub-teams agree with each other, and robots report."""
+    return f"sub-team {source}" if level["level"] == "agreed" and level["rule"] != JOINT else source
 
 
 def _importance(level: Table, name: str) -> float:
@@ -120,7 +126,8 @@ def _agreement(told: Table) -> str:
     level = told["levels"][0]
     if level["level"] != "agreed":
         return f"Sub-team {level['sub_team']} believes it; nothing is agreed on yet."
-    same = "" if told["same"] or len(told["agreed_by"]) < 2 else ", not quite the same; this is what the first one has"
+    shown = f", not quite the same: the numbers here are those of {told['agreed_by'][0]}" if told["agreed_by"] else ""
+    same = "" if told["same"] or len(told["agreed_by"]) < 2 else shown
     before = "".join(f"; {name} agreed last in tick {tick}" for name, tick in told["agreed_before"].items())
     return f"Agreed by {_and(told['agreed_by'])}{same}{before}."
 
@@ -228,7 +235,7 @@ def _numbers(level: Table, told: Table) -> list[str]:
     old = "" if level["tick"] == told["tick"] else f", of tick {level['tick']}"
     parts = [f"tick {told['tick']} ({told['time']:.1f} s of team time){old}"]
     if level["area"] is not None:
-        parts.append(f"95 % region {level['area']:.3g} {told['unit']}^2")
+        parts.append(f"95 % region {_short(level['area'])} {told['unit']}^2")
     parts.append(f"entropy {level['entropy']:.2f} nats")
     if level["truth"] is not None:
         parts.append(f"log score {level['truth']['log_score']:.2f} nats")
@@ -285,4 +292,5 @@ def _point(point: Sequence[float]) -> str:
 
 
 def _short(value: str | float) -> str:
-    return value if isinstance(value, str) else f"{value:.3g}"
+    """A value as it is read best: three digits, and no powers of ten where it is large."""
+    return value if isinstance(value, str) else f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"

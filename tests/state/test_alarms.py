@@ -152,6 +152,26 @@ def test_what_flaps_is_told_once() -> None:
     assert [event.what for event in team.events] == ["conflict", "agreement"]
 
 
+def test_what_ends_in_one_tick_is_one_event_of_each_kind() -> None:
+    out = [LeftOut(source="r4", reason="off"), LeftOut(source="r6", reason="off")]
+    team, other = settled(3, conflict=True, left_out=out), agreed().model_copy(update={"subject": "object/other"})
+    assert [event.what for event in team.events] == ["left out", "left out", "conflict"]
+    for n in range(3, 30):
+        at = {"tick": n, "time": 0.5 * n}
+        calm = [one.model_copy(update={**at, "conflict": n < 4}) for one in (agreed(), other)]
+        said = Status(process="b", kind="board", phase="agreed", subjects=[one.subject for one in calm], **at)
+        for message in (*calm, said):
+            team.hear_message({"sub_team": agreed().sub_team}, message, 1, 0.5 * n)
+    told = [event.text for event in team.events][3:]
+    assert f"r4, r6 count again about {agreed().subject}" in told
+    assert [event.what for event in team.events][3:].count("back in") == 1
+    both = ", ".join(sorted([agreed().subject, "object/other"]))
+    assert [text for text in told if text.startswith("no conflict")] in (
+        [f"no conflict about {both} any more"],
+        [f"no conflict about {agreed().subject}, object/other any more"],
+    )
+
+
 def test_a_prediction_that_is_ignored_is_no_robot_of_that_name() -> None:
     team = settled(1, conflict=False, left_out=[LeftOut(source="prediction", reason="too far off")])
     (event,) = team.events

@@ -277,6 +277,19 @@ def who(level: dict[str, Any]) -> list[str]:
     return sentences({**explained, "levels": [{**level, "level": "agreed"}]})
 
 
+def test_large_regions_are_plain_numbers_and_sub_teams_are_called_so() -> None:
+    team, moment = newest()
+    told = explain(team, moment, "robot/r1")
+    told["levels"][0] |= {"area": 1100.4, "without": {}, "rule": "eq12"}
+    source = {"how": "independent", "power": 1.0, "age": 0.1, "entropy": 1.0, "contains": []}
+    told["levels"][0]["sources"] = [{"source": "a", "weight": 0.7, **source}, {"source": "b", "weight": 0.3, **source}]
+    told |= {"same": False, "agreed_by": ["a", "b"], "agreed_before": {}}
+    said = sentences(told)
+    assert "because sub-team a said so, and what sub-team b said counted less" in said[0]
+    assert any("Agreed by a and b, not quite the same: the numbers here are those of a." in line for line in said)
+    assert any("95 % region 1100 cell^2" in line for line in said)
+
+
 def test_an_unknown_subject_is_a_person_s_mistake() -> None:
     team, moment = newest()
     with pytest.raises(UserError, match="known are object/ball"):

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from blackboard.errors import Refused
 from blackboard.opinion.chi_squared import GATE, quantile
+from blackboard.opinion.gaussian.coalitions import named
 from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.innovations import Innovations
 from blackboard.opinion.gaussian.relation import Relative
@@ -101,7 +102,7 @@ def shrank(before: PackedEvidence, packed: PackedEvidence) -> bool:
 
 def names(sources: Iterable[str]) -> str:
     """Sources in a sentence for people."""
-    return ", ".join(source.removeprefix("robot/") for source in sorted(sources))
+    return ", ".join(named(source.removeprefix("robot/")) for source in sorted(sources))
 
 
 def reason(verdict: Verdict) -> str:

@@ -27,6 +27,11 @@ KNOWN = 1e3  # unit ** 2: a position with a larger variance is not known
 MEMBER = 0.5  # the least mass of the coalitions that a member of the winning one is in
 
 
+def named(source: str) -> str:
+    """A source in a sentence; it may be what the joint itself predicted."""
+    return "the prediction" if source == PREDICTION else source
+
+
 @dataclass(frozen=True)
 class Choice:
     """Who is in the winning coalition, who is not, and the shares of the coalitions of 1, 2, ... opinions (V-.2)."""
