@@ -1,6 +1,7 @@
 """The doors for people: `blackboard why | status | echo | hz | view | top`. They look on, and send nothing."""
 
 import logging
+import math
 import os
 import shutil
 import sys
@@ -19,10 +20,12 @@ from blackboard.run.flags import OutputFlags, WhichTeam
 from blackboard.run.terminal import beneath
 from blackboard.view.echo import Rates, key_expression, line
 from blackboard.view.feed import Feed
-from blackboard.view.source import PATIENCE, TeamSource, teams_there, when
+from blackboard.view.source import PATIENCE, TeamSource, others_there, teams_there, when
 from blackboard.view.summary import summary, text
 from blackboard.view.why import explain
 from blackboard.view.words import sentences
+
+log = logging.getLogger(__name__)
 
 NICE = 10  # lower priority of what looks on: where processors are short, boards and robots come first
 CLEAR = "\x1b[H\x1b[2J"  # of a terminal
@@ -143,11 +146,15 @@ def echo(
     short
         Of each message only its numbers, in one line that fits a screen.
     """
-    expression, stop, shown = key_expression(key), door.Stop(), 0
+    expression, stop, shown, clock = key_expression(key), door.Stop(), 0, UnixClock()
     with Link(flags.link(), "echo", patience=PATIENCE, stopped=stop) as link:
         link.watch(expression)
         link.subscribe(expression)
+        missed_at = clock.now() + PATIENCE
         while not stop():
+            if not shown and clock.now() > missed_at:
+                log.warning("nothing has come on %s yet%s", expression, others_there(link))
+                missed_at = math.inf
             for envelope in link.receive(0.2):
                 print(line(envelope, short=short))
                 shown += 1
@@ -210,6 +217,8 @@ def view(
         from blackboard.view.web.server import Address, serve
     stop = door.Stop()
     with _in_the_background(source).open(flags, "view", door.PATIENCE, stop) as looked:
+        if silence := looked.silence():
+            log.warning(silence)
         ready = partial(announce, opened=open_it)
         serve(looked.feed, looked.team, UnixClock().now, Address(host, port, name), stop, ready, looked.drift)
     return door.DONE

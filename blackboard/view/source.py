@@ -51,6 +51,12 @@ def teams_there(link: Link) -> list[str]:
     return sorted({parsed[1]["team"] for parsed in topics if parsed is not None})
 
 
+def others_there(link: Link, team: str = "") -> str:
+    """`; there is demo`: the teams beside one of which some process answers; empty where there is none."""
+    others = ", ".join(other for other in teams_there(link) if other != team)
+    return f"; there is {others}" if others else ""
+
+
 class Running:
     """A running team: its name, its boards' drift, and a feed that follows it while this context lasts."""
 
@@ -85,6 +91,12 @@ class Running:
         """The team as far as it was heard."""
         return self.feed.fold.team(self.team)
 
+    def silence(self) -> str:
+        """That nothing of the team was heard until now, and who else is there; empty where something was."""
+        if any(process.alive or process.heard_at for process in self.fold.processes.values()):
+            return ""
+        return f"team {self.team} is not heard of yet{others_there(self._link, self.team)}"
+
     def read_on(self, each: Callable[[], None] = lambda: None) -> None:
         """Take in what arrives until it is stopped, and call `each` after every look."""
         while not self._stopped():
@@ -118,9 +130,7 @@ class Running:
             chosen = fitting[-1] if fitting and newest is not None and when.is_reached(newest) else None
         if chosen is None:
             what = "has settled nothing" if when is None else f"did not settle {when}"
-            others = ", ".join(other for other in teams_there(self._link) if other != self.team)
-            there = f"; there is {others}" if others else ""
-            raise RunFailed(f"team {self.team} {what} within {seconds:g} s{there}")
+            raise RunFailed(f"team {self.team} {what} within {seconds:g} s{others_there(self._link, self.team)}")
         return chosen
 
 

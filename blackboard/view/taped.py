@@ -49,6 +49,10 @@ class Taped:
         """The team as far as the tape was read."""
         return self.feed.fold.team(self.team)
 
+    def silence(self) -> str:
+        """A tape that can be opened has something on it."""
+        return ""
+
     def read_on(self, each: Callable[[], None] = lambda: None) -> None:
         """Read to the end, and call `each` after every few envelopes."""
         while not self.feed.done:

@@ -68,6 +68,7 @@ def test_the_robot_that_is_off_is_named_with_the_level() -> None:
     assert cause.startswith("r3 is off: solo rmse 9.000 cell, the other robots' 1.105; it lost itself")
     (cause,) = causes({**GOOD, "r3": levels(1.1, 5.0)})
     assert cause.startswith("r3 is off: agreed rmse 5.000 cell, the other robots' 0.552; what others say")
+    assert "record it (--record run.mcap), and `blackboard why robot/r3 run.mcap` names them" in cause
 
 
 def test_agreed_that_equals_solo_says_whether_anybody_else_spoke() -> None:
@@ -75,6 +76,7 @@ def test_agreed_that_equals_solo_says_whether_anybody_else_spoke() -> None:
     named = causes(same, company={"robot/r1": 0.05, "robot/r2": 0.5})
     assert named[0].startswith("agreed equals solo for robot/r1: nobody else had anything to say")
     assert named[1].startswith("agreed equals solo for robot/r2 although others contributed")
+    assert named[1].endswith("`blackboard why robot/r2 run.mcap` shows the weights")
 
 
 def test_overconfidence_is_laid_at_the_door_it_came_in_by() -> None:

@@ -6,10 +6,11 @@ import sys
 import pytest
 
 from blackboard.errors import RunFailed, UserError
-from blackboard.wire.envelope import Kind
+from blackboard.run import door
+from blackboard.wire.envelope import Envelope, Kind
 from tests.commands import call
-from tests.view.links import put_in_place
-from tests.view.recorded import team_of
+from tests.view.links import Recording, put_in_place
+from tests.view.recorded import Deaf, recorded, team_of
 
 
 @pytest.fixture(autouse=True)
@@ -59,6 +60,34 @@ def test_echo_prints_what_comes_until_it_has_enough(capsys: pytest.CaptureFixtur
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 60
     assert lines[0].endswith(f" {Kind.ALIVE.value}")
+
+
+def test_echo_of_what_nobody_sends_says_once_who_is_there(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    end = Recording.clock.now() + 10.0
+    monkeypatch.setattr(door, "Stop", lambda: lambda: Recording.clock.now() > end)
+    assert call("echo", "cop/nope/**") == 0
+    assert caplog.messages == ["nothing has come on cop/nope/** yet; there is t"]
+
+
+@pytest.mark.parametrize(("team", "says"), [("nope", ["team nope is not heard of yet; there is t"]), ("t", [])])
+def test_the_page_of_a_team_that_is_not_there_says_who_is(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, team: str, says: list[str]
+) -> None:
+    pytest.importorskip("uvicorn", reason="needs the extra `web`")
+    monkeypatch.setattr("blackboard.view.web.server.serve", lambda *_: None)
+    monkeypatch.setattr("os.nice", lambda by: by)
+    told = [envelope for envelope, _ in recorded() if envelope.key.split("/")[1] == team]
+    monkeypatch.setattr(
+        Recording, "get", lambda self, key: told if key == f"cop/{team}/**" else Deaf.get(self, key) or statuses()
+    )
+    assert call("view", "--team", team) == 0
+    assert [message for message in caplog.messages if "heard of" in message] == says
+
+
+def statuses() -> list[Envelope]:
+    return [envelope for envelope, _ in recorded() if "/status/" in envelope.key]
 
 
 def test_hz_counts_for_its_seconds(capsys: pytest.CaptureFixture[str]) -> None:

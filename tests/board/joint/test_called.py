@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import pytest
 
 from blackboard.board.joint.desk import JointDesk
+from blackboard.board.joint.evidence import names
 from blackboard.wire.evidence import Forward, PackedTrack
 from tests.board.joint.desks import at, means, new_desk, settled, sighting
 
@@ -85,3 +86,7 @@ def test_a_number_that_the_other_board_has_given_is_not_given_again_if_there_is_
         desk.hear_forward(said(desk, tick, since=-1e12, tracks=[there]))
         tracks = watched(desk, tick, ["first"])
     assert set(tracks) == {f"person/{following}"}
+
+
+def test_the_prediction_among_those_who_contradict_is_no_robot_of_that_name() -> None:
+    assert names({"robot/r3", "prediction"}) == "the prediction, r3"
