@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from blackboard.opinion.gaussian.priors import found_in
 from blackboard.opinion.gaussian.vehicle import AXES, HEADING
 from blackboard.opinion.grid import Grid
 from blackboard.state.moments import About, Moment
@@ -148,6 +149,9 @@ def _subject(about: About, moment: Moment, cells: list[bytes], whole: bool) -> T
         ],
         "conflict": best is not None and best.message.conflict,
         "rule": None if best is None else best.message.rule,
+        "sensors": {}
+        if best is None
+        else {name: _short(value) for name, value in found_in(best.message.parameters).items()},
         "left_out": [] if best is None else [[out.source, out.reason] for out in best.message.left_out],
         "dissent": []
         if best is None

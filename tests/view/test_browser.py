@@ -119,6 +119,27 @@ def test_a_tape_is_shown_from_its_beginning_and_scrubbed(look: Callable[[str], B
         assert "tick=" in page.get("location.hash")
 
 
+def test_a_time_that_is_typed_is_gone_to(look: Callable[[str], Browser]) -> None:
+    moments = list(golden_team().moments)
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(url)
+        page.wait("window.page.state.done")
+        middle = moments[len(moments) // 2]
+        page.get(f"""(() => {{ const it = document.getElementById("moment"); it.focus(); it.value = "{middle.time + 0.01:.2f}s";
+            it.dispatchEvent(new KeyboardEvent("keydown", {{ key: "Enter", bubbles: true }})); }})()""")
+        page.wait(f"window.page.state.shown?.tick === {middle.tick}")
+        page.wait(f'document.getElementById("moment").value === "{middle.time:.1f} s"')
+
+
+def test_labels_of_things_at_one_place_stand_below_each_other(look: Callable[[str], Browser]) -> None:
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(url)
+        page.wait("window.page")
+        heights = "(() => { const all = []; return [1, 2, 3].map(() => window.page.apart(all, 50, 60, 20)); })()"
+        assert len({round(height / 14) for height in page.get(heights)}) == 3
+        assert page.get("window.page.apart([{ x: 0, y: 60, width: 20 }], 50, 60, 20)") == 60
+
+
 def test_charts_show_the_seconds_around_the_moment(look: Callable[[str], Browser]) -> None:
     times = [moment.time for moment in golden_team().moments]
     seconds = times[6] - times[0]

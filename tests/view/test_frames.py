@@ -3,11 +3,15 @@
 import json
 from typing import Any
 
+from blackboard.state.fold import Fold
 from blackboard.view.frame import frame, line
 from blackboard.view.web.frames import BEAT, LEAST_GAP, Frames
-from blackboard.wire.messages import Clock
+from blackboard.wire import keys
+from blackboard.wire.codec import decode, encode
+from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.messages import Clock, Consensus
 from tests.present import present
-from tests.view.recorded import folded, read, team_of
+from tests.view.recorded import folded, read, recorded, team_of
 
 
 def remembered() -> Frames:
@@ -53,6 +57,20 @@ def test_a_frame_has_all_beliefs_of_the_chosen_subject_and_one_of_the_others() -
         for name, subject in header["subjects"].items():
             beliefs = whole["subjects"][name]["beliefs"]
             assert subject == {**whole["subjects"][name], "beliefs": beliefs if name == chosen else beliefs[:1]}
+
+
+def test_a_frame_has_by_how_much_the_sensors_of_a_robot_are_found_to_err() -> None:
+    fold = Fold()
+    for envelope, now in recorded():
+        told = envelope
+        if envelope.kind is Kind.PUT and keys.AGREED.match(envelope.key) and envelope.key.endswith("/robot/r1"):
+            changes = {"parameters": {"bearing bias found (rad)": 0.2}}
+            told = Envelope(envelope.key, encode(decode(Consensus, envelope.payload).model_copy(update=changes)))
+        fold.hear_envelope(told, now)
+    team = fold.teams["t"]
+    header, _ = read(frame(team, team.moments.newest, 0, 0.0))
+    assert header["subjects"]["robot/r1"]["sensors"] == {"bearing bias found (rad)": 0.2}
+    assert header["subjects"]["robot/r2"]["sensors"] == {}
 
 
 def test_every_moment_has_a_line_and_late_askers_get_the_rest() -> None:

@@ -132,6 +132,15 @@ export function outline(context, to, grid, belief) {
   context.stroke();
 }
 
+/** The height nearest to y at which a label of a width covers none of those in `labels`, to which it is added; all are a line high. */
+export function apart(labels, x, y, width) {
+  const covers = (at) => labels.some((it) => Math.abs(it.y - at) < LINE && x < it.x + it.width && it.x < x + width);
+  const found = [0, 1, -1, 2, -2, 3, -3].map((lines) => y + lines * LINE).find((at) => at >= LINE && !covers(at)) ?? y;
+  labels.push({ x, y: found, width });
+  return found;
+}
+const LINE = 14; // pixels
+
 /** A cross where the truth is, with a rim so that it shows on every colour. */
 export function mark(context, x, y, size, ink, rim) {
   for (const [width, style] of [[4, rim], [1.8, ink]]) {

@@ -1,7 +1,7 @@
 // The live page: frames in, pictures out. Everything that comes from the team is shown as text, never as markup.
 
 import { Cache, History, best, coverage, decode, lineOf } from "./frames.js";
-import { TABLE, chart, colour, contour, level, mark, outline, peak, picture, place, prepare, projection, steps } from "./draw.js";
+import { TABLE, apart, chart, colour, contour, level, mark, outline, peak, picture, place, prepare, projection, steps } from "./draw.js";
 
 const PACES = { lockstep: "lockstep", realtime: "real time", free: "no world" };
 const $ = (id) => document.getElementById(id);
@@ -43,7 +43,7 @@ const state = {
 };
 const LOST = 0.1; // share of the map, exp(entropy) of its cells, as blackboard/state/alarms.py has it: such a belief is not filled
 const FAINT = 0.05; // share of the map: a belief that is wider is drawn thinner, so that it never covers the map
-window.page = { state, history: history_, level, peak, best, contour }; // for tests and the curious
+window.page = { state, history: history_, level, peak, best, contour, apart }; // for tests and the curious
 
 // --- what comes in -------------------------------------------------------------------------------------------------------------
 
@@ -226,8 +226,9 @@ function drawHead(header) {
   const board = header.processes.filter((one) => one.kind === "board");
   const rate = Math.max(0, ...board.map((one) => one.rate));
   $("clock").textContent = header.tick === null ? "" : `tick ${header.tick} · ${header.time.toFixed(1)} s · ${PACES[header.mode]} · ${rate.toFixed(1)} ticks/s`;
-  $("moment").textContent = header.tick === null ? "" : `${header.time.toFixed(1)} s`;
-  scrub.setAttribute("aria-valuetext", $("moment").textContent);
+  const at = header.tick === null ? "" : `${header.time.toFixed(1)} s`;
+  if (document.activeElement !== $("moment")) $("moment").value = at; // what is being typed stays
+  scrub.setAttribute("aria-valuetext", at);
 }
 
 function drawMap(header, names, colours) {
@@ -288,6 +289,7 @@ function drawMap(header, names, colours) {
     context.globalAlpha = 1;
     if (on("region")) drawMotion(context, to, it, belief, tone);
   }
+  const labels = [];
   for (const name of names) {
     const it = header.subjects[name], belief = best(it);
     if (it.truth && on("truth")) mark(context, to.x(it.truth[0]), to.y(it.truth[1]), 4, colours.ink, colours.arena);
@@ -296,9 +298,10 @@ function drawMap(header, names, colours) {
     context.font = `${name === state.subject ? 700 : 600} 12px system-ui, sans-serif`;
     context.textAlign = "left"; context.textBaseline = "alphabetic"; context.lineJoin = "round";
     const label = name.split("/")[1] + (away.has(name) ? `, ${away.get(name)}` : isLost(belief, grid) ? ", lost" : belief.age > OLD ? `, ${belief.age.toFixed(0)} s old` : "");
-    const x = Math.min(to.x(belief.mean[0]) + off * 0.72, to.x(x1) - 8 * label.length), y = to.y(belief.mean[1]) - off * 0.72;
-    context.lineWidth = 3.5; context.strokeStyle = colours.arena; context.strokeText(label, x, Math.max(y, 14));
-    context.fillStyle = away.has(name) ? colours.soft : tint(name); context.fillText(label, x, Math.max(y, 14));
+    const x = Math.min(to.x(belief.mean[0]) + off * 0.72, to.x(x1) - 8 * label.length);
+    const y = apart(labels, x, Math.max(to.y(belief.mean[1]) - off * 0.72, 14), context.measureText(label).width);
+    context.lineWidth = 3.5; context.strokeStyle = colours.arena; context.strokeText(label, x, y);
+    context.fillStyle = away.has(name) ? colours.soft : tint(name); context.fillText(label, x, y);
   }
   for (const [name, place_] of on("name") ? lastPlaces(header, away) : []) {
     const x = to.x(place_[0]), y = to.y(place_[1]);
@@ -430,6 +433,8 @@ function drawNumbers(header) {
     if (it.existence != null) rows.push(["is there with", `${(100 * it.existence).toFixed(1)} %`]);
     const unclear = (it.unnamed || []).filter((one) => !one[2] && one[1] >= 0.05);
     if (unclear.length) rows.push(["may have been seen by", unclear.map(([who, odds]) => `${who.split("/")[1]} (${(100 * odds).toFixed(0)} %)`).join(", "), true]);
+    const sensors = Object.entries(it.sensors).map(([name, value]) => `${name} ${Number(value.toPrecision(3))}`);
+    if (sensors.length) rows.push(["sensors err by", sensors.join(", "), true]);
     rows.push(["rule", it.rule]);
     if (it.dissent.length) rows.push(["keeps disagreeing", it.dissent.map(([who, sigmas, weight]) => `${who} (${sigmas.toFixed(1)} σ, counts ${(100 * weight).toFixed(0)} %)`).join(", "), true]);
     if (it.camps.length) rows.push(["camps", it.camps.map((camp) => camp.join(", ")).join(" against "), true]);
@@ -610,6 +615,16 @@ $("pause").onclick = toggle;
 $("speed").onclick = () => faster(1);
 $("now").onclick = () => pause(false);
 $("scrub").oninput = (event) => pause(true, Number(event.target.value));
+$("moment").onkeydown = (event) => {
+  event.stopPropagation(); // letters and arrows are for the text
+  if (event.key !== "Enter" && event.key !== "Escape") return;
+  const time = parseFloat($("moment").value);
+  $("moment").blur();
+  if (event.key === "Enter" && Number.isFinite(time) && history_.moments.length) pause(true, history_.before(time));
+  else redraw();
+};
+$("moment").onfocus = () => $("moment").select();
+$("moment").onblur = redraw;
 $("scale").onclick = toggleScale;
 for (const it of document.querySelectorAll(".legend button")) {
   const show = () => it.setAttribute("aria-pressed", String(!state.hidden.has(it.dataset.layer)));
