@@ -25,7 +25,7 @@ def sentences(page: str) -> list[str]:
     parts = []
     for paragraph in re.split(r"\n\s*\n|\n(?=- )", text):
         parts += [
-            part for part in re.split(r"(?<=[.!?:])[\"*)]*\s+", " ".join(paragraph.split())) if re.search(r"\w", part)
+            part for part in re.split(r"(?<=[.!?])[\"*)]*\s+", " ".join(paragraph.split())) if re.search(r"\w", part)
         ]
     return parts
 
