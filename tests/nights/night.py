@@ -85,6 +85,7 @@ class Team:
         """The scenario of such a team in a world of a seed."""
         board: dict[str, Any] = {"fusion": self.fusion, "rule": self.rule, "feedback": self.feedback}
         board |= {"patience": self.patience, "max_age": self.max_age}
+        board |= {"objects_motion": "roll"} if self.rolls else {}
         if self.rule == "coalition" and not self.is_learning:
             board["independence"] = 0.5
         send = {"budget": self.budget} if self.budget else {"rate": self.rate * len(self.robots)} if self.rate else {}
