@@ -86,7 +86,7 @@ class EvidenceCountsOnce(Oracle):
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
-        #: Robots whose odometry is missing for a while: until it goes on, a time names what they say.
+        #: Robots whose odometry is missing for a while. Their sums do not grow then, so that a time names their evidence.
         self._silent = [
             name for name in night.team.processes if any(f.silences(name) == "odometry" for f in night.faults)
         ]

@@ -116,7 +116,7 @@ class Watched(Around):
         return self.inner.inner if isinstance(self.inner, Journaled | Liar) else self.inner
 
     def act(self, act: Callable[[], list[Envelope]]) -> list[Envelope]:
-        """What the process says when it does something, which the oracles see."""
+        """Let the process do something: what it says. The oracles see that, and an exception."""
         stage, self._stage.acting = self._stage, self.name
         try:
             out = act()

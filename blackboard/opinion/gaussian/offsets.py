@@ -8,8 +8,8 @@ and not estimated (Schmidt 1966). So a robot that is lost is still led back, and
 Who sees each mate to another side has no offset of all. So the same is added up for an offset of each mate.
 
 Of two robots that see nobody else, it is not known whose odometry or sightings are wrong. So where what one sees of the other has an
-offset, it moves neither for `MEMORY` seconds, and what they have moved each other is taken back. So is that of a single mate which a
-robot sees aside while all its others fit.
+offset, it moves neither for `MEMORY` seconds, and what they have moved each other is taken back. The same holds for one mate that a
+robot sees aside while its other mates fit.
 
 A robot that has moved itself to where its lies fit sees nothing to the side any more. So an offset is held against it for `MEMORY`
 seconds.
@@ -33,7 +33,8 @@ from blackboard.opinion.grid import Array
 
 MEMORY = 5.0  # seconds after which a sighting counts for 1/e
 FAR = quantile(GATE, 2)
-#: Squared distance that one of 100 000 honest pairs exceeds. All are judged all the time, and who is held apart loses what it knew.
+#: Squared distance that one of 100 000 honest pairs exceeds. The limit is high, because each pair is judged in each tick, and a false
+#: alarm takes back what two honest robots have learned from each other.
 APART = 2.0 * math.log(1e5)
 LEAST = 0.01  # share of the newest sighting of a pair that is still held for or against it
 ROUNDED = 1e-6  # share of the information that may be due to rounding
@@ -170,7 +171,10 @@ class Offsets(Copyable):
             self._held[observer] = MEMORY
 
     def _part(self, observer: str, subject: str, score: OffsetScore) -> None:
-        """Take what rests on a pair alone, unless it is held to be apart: innovations of what is not taken are not white."""
+        """Add the score of a sighting to that of its pair.
+
+        While the pair is apart, nothing is added: its sightings are not taken, so that their innovations are not white.
+        """
         pair = observer, subject
         if pair in self._apart:
             return
