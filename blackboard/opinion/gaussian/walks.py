@@ -2,8 +2,7 @@
 
 A multiple-model estimator (Magill 1965): each member is a Kalman filter of the object's place with a drift of its own, and its weight
 is the likelihood of the sightings under it. The joint uses the root mean square of the drifts. Before anything is seen that is the
-drift that was told: half of all objects stand, and the drifts of the others are log-normal. A member that is far from the best begins
-again where that one is.
+drift that was told: the prior of a drift is log-normal. A member that is far from the best begins again where that one is.
 An object walks until its sightings say beyond doubt that it rolls (`ROLLS`), and again once they say no more than that it may.
 A sighting far from where all members expect one counts as a misread and changes nothing. If the next sighting is near it, the object
 was moved: its bank begins anew there.
@@ -24,13 +23,8 @@ from blackboard.opinion.grid import Array
 FACTORS = 2.0 ** np.arange(-5, 6)  # drifts of the members, as multiples of the configured drift
 LEAST = float(FACTORS[0])
 SPREAD = 1.0  # standard deviation of the logarithm of a drift, before anything is seen
-#: The share of objects that stand, before anything is seen: their drift is the least. Without such a share a post that stood for a
-#: minute still counted as drifting, so that robots which saw it gained little by that.
-STANDS = 0.5
-#: Log weights, such that the root mean square of the drifts is the configured drift to 1 %. So what walks is faster.
-PRIOR = -0.5 * (np.log(FACTORS * math.sqrt(1.0 - STANDS)) / SPREAD + SPREAD) ** 2
-PRIOR += math.log(1.0 - STANDS) - np.log(np.exp(PRIOR).sum())
-PRIOR[0] = np.logaddexp(PRIOR[0], math.log(STANDS))
+#: Log weights, such that the root mean square of the drifts is the configured drift.
+PRIOR = -0.5 * (np.log(FACTORS) / SPREAD + SPREAD) ** 2
 MEMORY = 20.0  # seconds after which the evidence of a sighting about the drift counts for 1/e
 LOST = -20.0  # log likelihood by the best one's: a member that is less likely begins again where the best one is
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.

