@@ -85,7 +85,7 @@ class SinceStep:
         before, fix = self.fix, later.fix or self.fix
         if fix is not None and fix.heading is None and before is not None and before.heading is not None:
             told = {"heading": before.heading, "heading_sigma": before.heading_sigma}
-            fix = fix.model_copy(update=told)  # it has no heading, so it gets that of the fix before
+            fix = fix.model_copy(update=told)  # a fix without a heading keeps the heading of the fix before it
         return SinceStep(
             _both_ways(self.odometry, later.odometry),
             later.compass or self.compass,

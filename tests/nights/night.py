@@ -331,7 +331,10 @@ def another_board(draw: Draw, team: Team) -> Fault:
 
 
 def silent(draw: Draw, team: Team) -> Fault:
-    """Of a robot that is driven. One that never told any odometry would be taken to stand."""
+    """A sensor of a robot whose program gives readings by calls measures nothing for a while.
+
+    Its odometry is there at first, because a robot that has never told any odometry is taken to stand.
+    """
     return faults.Silent(*span(draw), f"robot/{draw.one(team.driven)}", draw.one([*faults.PARTS]))
 
 

@@ -441,7 +441,7 @@ class Stage(Scheduler):
         self.bus.deliver(self.link(to), Envelope(key, encode(readings)))
 
     def _step(self, to: Watched, machine: Driven, readings: Readings) -> None:
-        """A robot's program tells what its sensors measured since its last step, unless it is frozen."""
+        """Let a robot's program make a step with what its sensors measured since the last one. A frozen program makes it later."""
         compass = None if readings.compass is None else (readings.compass, readings.compass_sigma)
         told = readings.odometry, compass, readings.fix, tuple(readings.sightings), tuple(readings.seen)
         since = SinceStep(*told)
