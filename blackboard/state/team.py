@@ -254,12 +254,15 @@ class TeamFold:
         """
         for robot, age in status.ages.items():
             known = self.processes.get(("robot", robot))
-            is_missed = known is not None and known.expected and not known.alive and not known.heard_at
-            if (is_missed and 0 <= age < now) or (known is None and 0 <= age < FORGET):
+            is_missed = known is not None and known.expected and not known.alive and not known.messages
+            is_news = is_missed and known is not None and known.heard_at < now - age <= now
+            if is_news or (known is None and 0 <= age < FORGET):
                 process = self._process("robot", robot, sub_team)
                 process.heard_at = process.gone_at = now - age
                 if age > SILENT:
                     self.alarms.raise_("gone", robot, f"{robot} is gone", process.gone_at)
+                else:
+                    self.alarms.end("gone", robot, now)
         for name in status.lacks:
             kind, _, robot = name.partition("/")
             waited = self.processes.get((kind, robot))

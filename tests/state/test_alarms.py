@@ -113,6 +113,18 @@ def test_a_robot_of_the_scenario_that_a_board_waits_for_is_an_alarm_until_it_com
     assert [alarm.until for alarm in fold.teams["t"].alarms.all()] == [110.0]
 
 
+def test_a_robot_that_a_board_hears_again_is_gone_no_longer() -> None:
+    """Before, the first age that a board told was kept for good, and who was said to be missing stayed so."""
+    fold = Fold()
+    fold.expect("t", {"a": ["r1", "r2"]})
+    told: list[dict[str, Any]] = [{"ages": {"r2": 218.2}, "lacks": ["robot/r1"]}, {"ages": {"r1": 0.5, "r2": 0.5}}]
+    for at, more in zip((1000.0, 1010.0), told, strict=True):
+        said = Status(process="board-a", kind="board", tick=0, time=0.0, **more)
+        fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), at)
+    assert "gone 218 s" not in text(summary(fold, 1010.0))
+    assert all(alarm.until is not None for alarm in fold.teams["t"].alarms.all())
+
+
 def test_since_when_a_robot_is_gone_is_the_same_in_its_row_and_its_alarm() -> None:
     fold = folded()
     fold.hear_envelope(Envelope(R1, kind=Kind.GONE), 1_000_010.0)
