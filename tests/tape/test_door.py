@@ -25,7 +25,7 @@ from tests.commands import call
 from tests.files import GOLDEN
 from tests.tape.teams import SMALL
 
-HASH = "8224435b149797de48563c6cc473a0fe7be41f588f4608f987fa0ddd0c936bc0"
+HASH = "98b7145456ef14aa48fe1efb01311ea7a1cc244ac544ac2b95eff6a51b043ce6"
 
 
 def as_json(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 A multiple-model estimator (Magill 1965): each member is a Kalman filter of the object's place with a drift of its own, and its weight
 is the likelihood of the sightings under it. The joint uses the root mean square of the drifts. Before anything is seen that is the
-drift that was told: the prior of a drift is log-normal. A member that is far from the best begins again where that one is.
+drift that was told: half of all objects stand, and the drifts of the others are log-normal. What one robot alone sees is not taken to
+stand so soon. A member that is far from the best begins again where that one is.
 An object walks until its sightings say beyond doubt that it rolls (`ROLLS`), and again once they say no more than that it may.
 A sighting far from where all members expect one counts as a misread and changes nothing. If the next sighting is near it, the object
 was moved: its bank begins anew there.
@@ -23,8 +24,28 @@ from blackboard.opinion.grid import Array
 FACTORS = 2.0 ** np.arange(-5, 6)  # drifts of the members, as multiples of the configured drift
 LEAST = float(FACTORS[0])
 SPREAD = 1.0  # standard deviation of the logarithm of a drift, before anything is seen
-#: Log weights, such that the root mean square of the drifts is the configured drift.
-PRIOR = -0.5 * (np.log(FACTORS) / SPREAD + SPREAD) ** 2
+#: Log weights of drifts that are log-normal, such that their root mean square is the configured drift.
+WALKERS = -0.5 * (np.log(FACTORS) / SPREAD + SPREAD) ** 2
+
+
+def _some_stand(faster: float) -> Array:
+    """Log weights of objects some of which stand, with the least drift, where those that walk are `faster`, shape (k,).
+
+    So many stand that the root mean square is the configured drift.
+    """
+    walking = np.exp(-0.5 * (np.log(FACTORS / faster) / SPREAD + SPREAD) ** 2)
+    walking /= walking.sum()
+    mean_square = float(walking @ FACTORS**2)
+    share = (mean_square - 1.0) / (mean_square - LEAST**2)
+    shares = (1.0 - share) * walking
+    shares[0] += share
+    logs: Array = np.log(shares)
+    return logs
+
+
+#: Log weights such that half of all objects stand. Without those, a post that stood for a minute still counted as drifting, so that
+#: robots which saw it gained little by that.
+PRIOR = _some_stand(math.sqrt(2.0))
 MEMORY = 20.0  # seconds after which the evidence of a sighting about the drift counts for 1/e
 LOST = -20.0  # log likelihood by the best one's: a member that is less likely begins again where the best one is
 #: Nats by which rolling explains the sightings better: from there on it rolls; below that it walks again.
@@ -72,6 +93,11 @@ class _Bank:
     def density(self, news: Array) -> float:
         """The log density by all members, of that by each."""
         return _mean_log(PRIOR + self.likelihoods, news)
+
+    def factor(self, prior: Array) -> float:
+        """The root mean square of the drifts over the configured one, by log weights before anything was seen, shape (k,)."""
+        shares = np.exp(prior + self.likelihoods)
+        return math.sqrt(float(shares @ FACTORS**2) / float(shares.sum()))
 
     def explains(self, seen: Moments) -> bool:
         most = -0.5 * np.log(np.linalg.det(self.covariances + seen.covariance))
@@ -179,8 +205,7 @@ class Walks(Copyable):
         """The random walk of an object as found, over the configured one."""
         if subject not in self._motions:
             return 1.0
-        shares = np.exp(PRIOR + self._motions[subject].bank.likelihoods)
-        return math.sqrt(float(shares @ FACTORS**2) / float(shares.sum()))
+        return self._motions[subject].bank.factor(WALKERS if subject in self._agreed else PRIOR)
 
     def rolls(self, subject: str) -> bool:
         """Whether an object is taken to roll, with a velocity, and not to walk at random."""

@@ -1,6 +1,7 @@
 """How fast an object moves is found from its sightings, whatever was told."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.walks import FACTORS, LOST, MEMORY, PRIOR, UNLIKELY, Walks
+from blackboard.opinion.gaussian.walks import FACTORS, LOST, MEMORY, PRIOR, UNLIKELY, WALKERS, Walks
 
 DT, SIGMA = 0.2, 0.5  # seconds, units
 
@@ -34,6 +35,24 @@ def test_what_is_told_counts_until_something_is_seen_twice() -> None:
     assert walks.drift("object/ball", 0.3) == 0.3
 
 
+def test_what_is_told_is_the_root_mean_square_of_what_objects_do() -> None:
+    for prior in (PRIOR, WALKERS):
+        shares = np.exp(prior) / np.exp(prior).sum()
+        assert float(shares @ FACTORS**2) == pytest.approx(1.0, rel=1e-12)
+    assert np.exp(PRIOR)[0] / np.exp(PRIOR).sum() == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_post_is_taken_to_stand_after_a_minute_but_not_so_soon_by_one_robot_alone() -> None:
+    rng, several, lone = np.random.default_rng(3), Walks(), Walks()
+    for _ in range(300):
+        measured = Moments(SIGMA * rng.normal(size=2), SIGMA**2 * np.eye(2))
+        for walks, alone in ((several, False), (lone, True)):
+            walks.pass_time("object/post", 0.3, DT)
+            walks.judge("object/post", measured, alone=alone)
+    assert several.drift("object/post", 0.3) < 0.025
+    assert several.drift("object/post", 0.3) < 0.7 * lone.drift("object/post", 0.3)
+
+
 @pytest.mark.parametrize("drift", [0.1, 0.5, 2.0])
 @pytest.mark.parametrize("true", [0.1, 0.5, 2.0])
 def test_the_walk_is_found_within_a_factor_of_two_whatever_was_told(true: float, drift: float) -> None:
@@ -55,16 +74,18 @@ def test_what_stands_is_known_to_stand_and_anything_again_once_it_is_kicked() ->
 def test_of_two_far_sightings_that_agree_the_second_is_a_kick_which_is_made_up_for() -> None:
     walks, there, elsewhere = Walks(), np.array([8.0, 6.0]), np.array([-8.0, 0.0])
     watched(walks, 0.5, np.zeros((100, 2)), np.random.default_rng(1))
-    stood = walks.drift("object/ball", 0.5)
+    seen = Moments(np.zeros(2), SIGMA**2 * np.eye(2))
+    without = walks.copy()
+    without.judge("object/ball", seen)
 
     def judged(place: np.ndarray) -> Moments | None:
-        return walks.judge("object/ball", Moments(place, SIGMA**2 * np.eye(2)))
+        return walks.judge("object/ball", replace(seen, mean=place))
 
     assert judged(there) is None
     assert judged(elsewhere) is None
     assert judged(np.zeros(2)) is None
     assert judged(there) is None
-    assert walks.drift("object/ball", 0.5) == pytest.approx(stood, rel=0.1)
+    assert walks.drift("object/ball", 0.5) == without.drift("object/ball", 0.5)
     made_up = judged(there)
     assert made_up is not None
     assert made_up.covariance == pytest.approx(100.0 * np.eye(2), rel=0.2)
