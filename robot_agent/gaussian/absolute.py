@@ -23,6 +23,7 @@ from blackboard.opinion.chi_squared import GATE, quantile
 from blackboard.opinion.gaussian.increment import NOTHING
 from blackboard.opinion.gaussian.joint import Block, Factor, Joint, Moments
 from blackboard.opinion.gaussian.mounts import (
+    Beyond,
     CompassReading,
     Mount,
     add_with_heading,
@@ -57,8 +58,6 @@ from robot_agent.gaussian.mounts import Antenna
 #: 20(21), 6050, 2020): between what is best for errors that last 5 s and 60 s, on development seeds (docs/notes/wrong-models.md).
 LASTS = 30.0
 FARTHEST = 4.0  # times the squared distance of the gate: farther off, a reading says nothing
-#: Readings in a row beyond the gate, and seconds that they span, after which the belief counts as wrong.
-FEWEST, PATIENCE = 5, 5.0
 
 
 def starting_pose(readings: Readings, compass: float) -> Moments | None:
@@ -128,8 +127,7 @@ class AbsoluteSensors:
     _newest: Fix | None = None
     _headed: float = 0.0  # radians: the robot's heading at the newest fix
     _since: Joint | None = None  # the robot's motion since the newest fix, by odometry
-    #: Sensor -> team time (s) of the first reading of a row beyond the gate, and how many there are.
-    _beyond: dict[str, tuple[float, int]] = field(default_factory=dict)
+    _beyond: dict[str, Beyond] = field(default_factory=dict)  # by sensor
 
     def __post_init__(self) -> None:
         self.antenna, self.compass = Antenna(self.robot), compass_of(self.robot)
@@ -171,8 +169,8 @@ class AbsoluteSensors:
         return self.antenna.errors(joint) | self.compass.errors(joint)
 
     def contradicts(self, time: float) -> bool:
-        """Whether, at a team time (s), readings of a sensor have been beyond the gate for `PATIENCE`: the belief counts as wrong."""
-        return any(number >= FEWEST and time - first >= PATIENCE for first, number in self._beyond.values())
+        """Whether, at a team time (s), readings of a sensor have been beyond the gate for long: the belief counts as wrong."""
+        return any(replace(beyond, until=time).is_lasting for beyond in self._beyond.values())
 
     def move(self, motion: Motion) -> None:
         """Move on from the newest fix by odometry."""
@@ -281,8 +279,7 @@ class AbsoluteSensors:
         if beyond <= 1.0:
             self._beyond.pop(name, None)
         else:
-            first, number = self._beyond.get(name, (time, 0))
-            self._beyond[name] = first, number + 1
+            self._beyond[name] = self._beyond[name].plus(time) if name in self._beyond else Beyond(time, time)
             factor = replace(factor, noise=beyond * innovation.covariance - expected.spread)
         if beyond <= FARTHEST:
             correct(joint, factor)

@@ -15,7 +15,7 @@ from blackboard.opinion.gaussian.evidence import Evidence, Verdict
 from blackboard.opinion.gaussian.finding import restore_errors
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
-from blackboard.opinion.gaussian.mounts import USUAL, Mount, compass_of, correct_heading, reading_factor
+from blackboard.opinion.gaussian.mounts import USUAL, Beyond, Mount, compass_of, correct_heading, reading_factor
 from blackboard.opinion.gaussian.relation import Relative
 from blackboard.opinion.gaussian.sightings import claimed
 from blackboard.opinion.gaussian.state import Known, TeamState
@@ -144,14 +144,22 @@ def take_compass(team: TeamState, evidence: Evidence) -> None:
     mount.on_noise(team.joint, reading.noise**2, reading.most**2)
     factor = reading_factor(team.joint, robot, reading, mount, team.north)
     team.joint.begin(factor.priors)
-    expected, told = team.joint.expected(factor), np.zeros(HEADING + 1)
-    factor, squared = team.weighed((robot, "compass"), factor, expected.innovation(factor))
+    expected = team.joint.expected(factor)
+    innovation = expected.innovation(factor)
+    factor, squared = team.weighed((robot, "compass"), factor, innovation)
     taken = squared <= quantile(GATE, 1)
     team.add_verdict(Verdict(robot, robot, "compass", squared, 1, taken))
     if taken:
         correct(team.joint, factor, team.bounded(robot, factor, team.moved_by(robot), expected), expected)
-    told[HEADING] = 1.0
-    _count_left_out(team, robot, told, taken=taken)
+    known = team.known[robot]
+    turned = None
+    if not taken:
+        before = known.turned or Beyond(evidence.time, evidence.time, 0)
+        turned = before.plus(evidence.time, float(innovation.residual[0]))
+        if turned.is_lasting:
+            team.widen(robot)
+            turned = None
+    team.known[robot] = replace(known, turned=turned)
 
 
 def _compass(team: TeamState, evidence: Evidence) -> Mount:
@@ -184,7 +192,7 @@ def multiply(team: TeamState, evidence: Evidence) -> None:
 
 
 def _count_left_out(team: TeamState, robot: str, told: Array, *, taken: bool) -> None:
-    """Count increments and compass readings in a row that were left out, separately for x, y and heading.
+    """Count increments in a row that were left out, separately for x, y and heading.
 
     `told`, shape (3,), is how much this one says about each, as a share. After `PATIENCE` the robot's pose is widened.
     """

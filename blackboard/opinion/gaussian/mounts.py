@@ -24,6 +24,8 @@ from blackboard.opinion.grid import Array
 #: Sigmas of a compass's error, radians: by the wide prior; by the first prior in its robot's filter; by the first prior in a joint.
 #: A joint expects more, because a robot without fixes has nothing that could contradict its compass.
 WIDE, SMALL, USUAL = 0.2, 0.001, 0.05
+#: Readings in a row beyond the gate, and seconds that they span, after which what they contradict counts as wrong.
+FEWEST, PATIENCE = 5, 5.0
 MORE = 1.5  # The evidence is dropped where the variance of the noise is found to be larger by this factor.
 
 
@@ -48,6 +50,25 @@ class CompassReading:
     def variance(self) -> float:
         """Of the noise that counts, radians^2."""
         return (self.sigma * self.noise) ** 2
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """Readings in a row beyond the gate: since a team time (s), until the newest one, how many, and by how much (rad) that is off."""
+
+    since: float
+    until: float
+    number: int = 1
+    off: float = 0.0
+
+    def plus(self, time: float, off: float = 0.0) -> "Beyond":
+        """With one more, at a team time (s)."""
+        return Beyond(self.since, time, self.number + 1, off)
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether they are so many, for so long, that what they contradict counts as wrong."""
+        return self.number >= FEWEST and self.until - self.since >= PATIENCE
 
 
 @dataclass

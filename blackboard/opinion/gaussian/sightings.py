@@ -19,7 +19,7 @@ from blackboard.opinion.gaussian.relation import NEAREST, Relative
 from blackboard.opinion.gaussian.rings import SURE, Ring, line_of
 from blackboard.opinion.gaussian.state import TeamState
 from blackboard.opinion.gaussian.strayed import displacement_of
-from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, FLAT, Motion, correct
+from blackboard.opinion.gaussian.vehicle import ANYWHERE, AXES, FLAT, HEADING, Motion, correct
 from blackboard.opinion.grid import Array
 
 MAX_RINGS = 16  # objects of which only ranges or bearings are known
@@ -239,10 +239,21 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
                 team.strayed.confirm(robot, mate)
             elif not fits:
                 team.strayed.contradict(robot, mate, displacement_of(factor.jacobians[robot][:, AXES], factor.residual))
+    if taken and subject.startswith("robot/") and team.known[observer].turned is not None:
+        _hold_against_compass(team, observer, factor, innovation)
     if relative.mark is None and (taken or subject in team.joint):  # a wrong name is held against nobody
         team.trust.judge(observer, subject, agrees)
     team.add_verdict(Verdict(observer, subject, "relative", squared, innovation.freedom, taken, by))
     return factor if taken else None
+
+
+def _hold_against_compass(team: TeamState, observer: str, factor: Factor, innovation: Innovation) -> None:
+    """A sighting of a mate fits. Where it would not if its observer were turned as its compass says, the compass is wrong."""
+    known = team.known[observer]
+    assert known.turned is not None
+    residual = innovation.residual - factor.jacobians[observer][:, HEADING] * known.turned.off
+    if squared_distance(residual, innovation.covariance) > quantile(GATE, len(residual)):
+        team.known[observer] = replace(known, turned=None)
 
 
 def of_object(team: TeamState, relative: Relative, factor: Factor, motions: Mapping[str, Motion]) -> Factor:

@@ -23,7 +23,7 @@ from blackboard.opinion.gaussian.influence import Influence
 from blackboard.opinion.gaussian.innovations import Innovations, Source
 from blackboard.opinion.gaussian.joint import Block, Expected, Factor, Innovation, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.limits import Limits
-from blackboard.opinion.gaussian.mounts import Mount, north_of
+from blackboard.opinion.gaussian.mounts import Beyond, Mount, north_of
 from blackboard.opinion.gaussian.naming import Naming
 from blackboard.opinion.gaussian.offsets import Offsets
 from blackboard.opinion.gaussian.relation import BiasBlock, Relative, forget_biases
@@ -67,8 +67,8 @@ class Objects:
 class Known:
     """What is settled of a robot: its epoch, the sum of its motions, and how many increments in a row were left out.
 
-    `left_out`, shape (3,), counts those that tell of x, of y, and of the heading. `motion` is what was added to the sum last, until
-    a team time (s), `lately` the same of the last seconds (`LATELY`).
+    `left_out`, shape (3,), counts those that tell of x, of y, and of the heading. `turned` has the readings of its compass that were
+    left out. `motion` is what was added to the sum last, until a team time (s), `lately` the same of the last seconds (`LATELY`).
     """
 
     epoch: int
@@ -79,6 +79,7 @@ class Known:
     time: float = 0.0
     nuisance: Nuisance = field(default_factory=Nuisance)
     camera: CameraFound | None = None  # its newest estimate of its camera's noise
+    turned: Beyond | None = None
 
     def is_over(self, epoch: int, time: float) -> bool:
         """Whether evidence until a team time (s) is of an epoch that is over; where it is later, a clock was set back."""

@@ -112,7 +112,7 @@ class TeamJoint(TeamState):
             predict_entered(self, robot, motion, evidence.nuisance)
             lately = known.lately.times(math.exp(-motion.dt / LATELY)).plus(motion)
             told = evidence.travelled, known.left_out, motion, lately, evidence.time, evidence.nuisance, evidence.camera
-            self.known[robot] = Known(known.epoch, *told)
+            self.known[robot] = Known(known.epoch, *told, known.turned)
         for robot in news:
             if robot in self.distrust and self.knows(robot):
                 with self.blaming(robot):

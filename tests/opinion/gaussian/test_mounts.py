@@ -166,6 +166,30 @@ def test_a_reading_far_from_what_is_believed_is_left_out_and_named_and_a_robot_t
     assert heading(team)[0] == pytest.approx(2.0, abs=0.3)
 
 
+def disturbed(sees: bool) -> list[float]:
+    """How far off a heading is, each fifth of a second, from when its compass begins to read .6 rad too much."""
+    team, mate, off = TeamJoint(), "robot/r2", list[float]()
+    x, y = PLACES[mate] - PLACES[ROBOT]
+    seen = Relative(ROBOT, mate, math.hypot(x, y), math.atan2(y, x), 0.01, 1e-3)
+    for tick in range(100):
+        evidence = told(tick, 0.6 if tick >= 50 else 0.0)
+        evidence = replace(evidence, travelled=Motion(dt=0.2 * tick), time=0.2 * tick)
+        relatives = (seen,) if sees and tick % 3 == 0 else ()
+        team.settle(tick, 0.2, [replace(evidence, relatives=relatives), says(mate, tick)])
+        off.append(heading(team)[0])
+    return off[50:]
+
+
+def test_a_compass_that_reads_otherwise_is_believed_after_five_seconds_and_never_where_a_mate_shows_that_it_is_wrong() -> (
+    None
+):
+    """It was believed after five readings, which is one second here. What is seen of mates did not count against it."""
+    alone = disturbed(sees=False)
+    assert max(map(abs, alone[:25])) < 0.1
+    assert alone[-1] == pytest.approx(0.6, abs=0.2)
+    assert max(map(abs, disturbed(sees=True))) < 0.1
+
+
 @pytest.mark.parametrize("sigma", [1e-6, 1e3])
 @pytest.mark.parametrize("read", [0.0, 1e3])
 @pytest.mark.parametrize("bias", [0.0, -1e3])
