@@ -4,10 +4,9 @@ from collections import defaultdict
 from collections.abc import Mapping
 
 from blackboard.board.service import BoardService
-from blackboard.process.service import Service
 from blackboard.wire.messages import Clock, Consensus, Report
 from robot_agent.service import AgentService
-from tests.nights.events import Began, Event, Said
+from tests.nights.events import Event, Said
 from tests.nights.faults import SecondWorld
 from tests.nights.night import Night
 from tests.nights.oracles import Oracle
@@ -69,21 +68,18 @@ class NothingIsFromLater(Oracle):
     So who begins in another run keeps nothing of the one before. Not asked where two worlds run, nor of who has none.
     """
 
-    sees = (Began, Said)
+    sees = (Said,)
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
         self._future = night.team.scenario(night.seed).board.future
         two = any(isinstance(fault, SecondWorld) for fault in night.faults)
         self._is_asked = night.team.mode != "free" and night.is_honest and not two
-        self._services: dict[str, Service] = {}  # by process
         self._goes_on = night.team.mode == "realtime"  # without a Clock
         self._clocks: dict[str, tuple[float, float]] = {}  # run -> when the Clock farthest ahead was said, and its time
 
     def see(self, event: Event) -> None:
-        if isinstance(event, Began):
-            self._services[event.process] = event.service
-        elif self._is_asked and isinstance(event, Said):
+        if self._is_asked and isinstance(event, Said):
             message = event.message
             if isinstance(message, Clock) and event.process == "world":
                 at, time = self._clocks.get(message.run, (event.at, message.time))
@@ -96,8 +92,7 @@ class NothingIsFromLater(Oracle):
                 self._judge(event, message.subject, message.informed.ancestors)
 
     def _judge(self, event: Said, subject: str, ancestors: Mapping[str, float]) -> None:
-        service = self._services.get(event.process)
-        run = service.clock.run if isinstance(service, BoardService | AgentService) else ""
+        run = event.service.clock.run if isinstance(event.service, BoardService | AgentService) else ""
         if run not in self._clocks:
             return
         at, time = self._clocks[run]

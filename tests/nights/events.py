@@ -1,6 +1,7 @@
 """What oracles see of a night: everything that was said, and every process from inside."""
 
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -28,42 +29,39 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Began(Event):
+class OfProcess(Event):
+    """Something that a process does, or that is done to it; the service is that of its present life."""
+
+    process: str
+    service: Service
+
+
+class Began(OfProcess):
     """A process was started."""
 
-    process: str
-    service: Service
 
-
-@dataclass(frozen=True)
-class Ended(Event):
+class Ended(OfProcess):
     """A process was killed, or the night is over."""
 
-    process: str
-    service: Service
-
 
 @dataclass(frozen=True)
-class Died(Event):
+class Died(OfProcess):
     """An exception left a service."""
 
-    process: str
     error: Exception
 
 
 @dataclass(frozen=True)
-class Unsound(Event):
+class Unsound(OfProcess):
     """An invariant of a machine does not hold."""
 
-    process: str
     error: AssertionError
 
 
 @dataclass(frozen=True)
-class Said(Event):
+class Said(OfProcess):
     """A process sends an envelope."""
 
-    process: str
     envelope: Envelope
     topic: keys.Topic | None = None
     parts: dict[str, str] = field(default_factory=dict)
@@ -71,19 +69,18 @@ class Said(Event):
 
 
 @dataclass(frozen=True)
-class Heard(Event):
+class Heard(OfProcess):
     """A message arrives at a process, which hears it now; what it says then, and that it has moved, comes after."""
 
-    process: str
     envelope: Envelope
 
 
-@dataclass(frozen=True)
-class Moved(Event):
+class Moved(OfProcess):
     """A service has heard something, or was woken; what it said then came before."""
 
-    process: str
-    service: Service
+
+class Looked(OfProcess):
+    """A process as it is once strangers have spoken."""
 
 
 @dataclass(frozen=True)
@@ -106,40 +103,27 @@ class Stepped(Event):
 
 
 @dataclass(frozen=True)
-class Looked(Event):
-    """A process as it is once strangers have spoken."""
-
-    process: str
-    service: Service
-
-
-@dataclass(frozen=True)
 class Sensed(Event):
     """What is true at this moment of a team without a world."""
 
     truth: Truth
 
 
-@dataclass(frozen=True)
 class Healed(Event):
     """The last fault has ended."""
 
 
-@dataclass(frozen=True)
 class Recovered(Event):
     """The time to be well again is over: from now on the team must be."""
 
 
-@dataclass(frozen=True)
 class Over(Event):
     """The night is over."""
 
 
-def said(at: float, process: str, envelope: Envelope) -> Said:
+def said(at: float, process: str, service: Service, envelope: Envelope) -> Said:
     """What a process says, opened."""
     if envelope.kind is Kind.PUT:
-        try:
-            return Said(at, process, envelope, *opened(envelope))
-        except Refused:
-            pass
-    return Said(at, process, envelope)
+        with suppress(Refused):
+            return Said(at, process, service, envelope, *opened(envelope))
+    return Said(at, process, service, envelope)

@@ -52,16 +52,15 @@ class GainsAddUp(Oracle):
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
-        self._robots: dict[str, AgentService] = {}
         self._sent: dict[str, Sent] = {}  # by process
 
     def see(self, event: Event) -> None:
         if isinstance(event, Began):
             self._sent.pop(event.process, None)
-            if isinstance(event.service, AgentService) and event.process not in self.night.liars:
-                self._robots[event.process] = event.service
-        elif isinstance(event, Said) and isinstance(report := event.message, Report) and event.process in self._robots:
-            agent = self._robots[event.process].agent
+        elif isinstance(event, Said) and isinstance(report := event.message, Report):
+            if event.process in self.night.liars or not isinstance(event.service, AgentService):
+                return
+            agent = event.service.agent
             if report.evidence is None or report.evidence.compass is not None or not isinstance(agent, JointAgent):
                 return
             evidence = unpack(report.source, report.tick, report.time, report.evidence)

@@ -239,18 +239,15 @@ class TheNewestCounts(Oracle):
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
-        self._boards: dict[str, BoardService] = {}  # by process
         self._newest: dict[tuple[str, str], dict[tuple[str, ...], float]] = {}  # process and run -> the stamps it used
 
     def see(self, event: Event) -> None:
         if isinstance(event, Began):
-            if isinstance(event.service, BoardService):
-                self._boards[event.process] = event.service
-                self._newest = {of: stamps for of, stamps in self._newest.items() if of[0] != event.process}
+            self._newest = {of: stamps for of, stamps in self._newest.items() if of[0] != event.process}
         elif isinstance(event, Said) and isinstance(event.message, Consensus) and event.message.level == "consensus":
             message, usable = event.message, self.night.team.mode != "free" and self.night.is_honest
-            board = self._boards.get(event.process)
-            stamps = self._newest.setdefault((event.process, board.clock.run if board else ""), {})
+            run = event.service.clock.run if isinstance(event.service, BoardService) else ""
+            stamps = self._newest.setdefault((event.process, run), {})
             for used in message.used if usable else ():
                 source = message.subject, used.source, used.how
                 stamp, before = message.time - used.age, stamps.get(source, -math.inf)

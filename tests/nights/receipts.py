@@ -17,7 +17,7 @@ from blackboard.wire.evidence import Forward, PackedEvidence
 from blackboard.wire.messages import Report
 from robot_agent.gaussian.agent import JointAgent
 from robot_agent.service import AgentService
-from tests.nights.events import Began, Event, Heard, Moved, Said, Stepped, opened
+from tests.nights.events import Event, Heard, Moved, Said, Stepped, opened
 from tests.nights.ledger import Piece, name_of
 from tests.nights.night import Night
 from tests.nights.oracles import Broken, Oracle
@@ -129,26 +129,21 @@ class HeardIsSettled(Oracle):
     (`EarlyIsTaken`). A board that begins anew, with another run, owes nothing.
     """
 
-    sees = (Began, Said, Heard, Stepped, Moved)
+    sees = (Said, Heard, Stepped, Moved)
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
-        self._services: dict[str, BoardService] = {}
         self._passed: dict[str, set[Piece]] = defaultdict(set)  # by sub-team
         self._books: dict[str, Books] = {}  # by process
         self._hears: dict[str, Before] = {}  # by process, until it has heard
         self._stepped: set[str] = set()  # processes, since they were looked at last
 
     def see(self, event: Event) -> None:
-        if isinstance(event, Began):
-            if isinstance(event.service, BoardService) and event.service.settings.fusion == "joint":
-                self._services[event.process] = event.service
-        elif isinstance(event, Said):
+        if isinstance(event, Said):
             if isinstance(event.message, Forward):
                 self._passed[event.message.sub_team].update(told.piece for told in evidence_in(event.envelope))
-        elif isinstance(event, Heard) and event.process in self._services:
-            service = self._services[event.process]
-            told = evidence_in(event.envelope, service.sub_team)
+        elif isinstance(event, Heard) and isinstance(service := event.service, BoardService):
+            told = evidence_in(event.envelope, service.sub_team) if service.settings.fusion == "joint" else ()
             honest = tuple(one for one in told if one.piece[0] not in self.night.liars)
             if honest:
                 is_own = keys.REPORT.match(event.envelope.key) is not None

@@ -89,7 +89,7 @@ class Watched(Around):
 
     def receive(self, envelope: Envelope, now: float) -> list[Envelope]:
         if envelope.kind is Kind.PUT:
-            self._stage.tell(Heard(self._stage.at, self.name, envelope))
+            self._stage.tell(Heard(self._stage.at, self.name, self.machine, envelope))
         return self.act(lambda: self.inner.receive(envelope, now))
 
     def wake(self, now: float) -> list[Envelope]:
@@ -99,7 +99,8 @@ class Watched(Around):
     def wake_at(self, now: float) -> float | None:
         if len(self._woken) < OFTEN or self._stage.at - self._woken[0] > 1.0:
             return self.inner.wake_at(now)
-        self._stage.tell(Died(self._stage.at, self.name, RunFailed(f"it is woken {OFTEN} times in a second")))
+        error = RunFailed(f"it is woken {OFTEN} times in a second")
+        self._stage.tell(Died(self._stage.at, self.name, self.machine, error))
         return None  # else the night would never end
 
     def check(self) -> None:
@@ -108,7 +109,7 @@ class Watched(Around):
             if isinstance(self.inner, Checked):
                 self.inner.check()
         except AssertionError as error:
-            self._stage.tell(Unsound(self._stage.at, self.name, error))
+            self._stage.tell(Unsound(self._stage.at, self.name, self.machine, error))
 
     @property
     def machine(self) -> Service:
@@ -121,10 +122,10 @@ class Watched(Around):
         try:
             out = act()
         except Exception as error:
-            stage.tell(Died(stage.at, self.name, error))
+            stage.tell(Died(stage.at, self.name, self.machine, error))
             return []
         for envelope in out:
-            stage.tell(event := said(stage.at, self.name, envelope))
+            stage.tell(event := said(stage.at, self.name, self.machine, envelope))
             if isinstance(event.message, Truth) and self.name == "world":
                 stage.truth = event.message
         stage.tell(Moved(stage.at, self.name, self.machine))

@@ -29,7 +29,6 @@ class RobotsWaitForTheAgreed(Oracle):
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
-        self._robots: dict[str, AgentService] = {}  # by process
         #: By process: run, tick and late ones, when it reported last, since it goes by the world's clock.
         self._done: dict[str, tuple[str, int, int]] = {}
         #: By process: sub-team and subject -> the newest tick of what was agreed about it that was heard.
@@ -37,15 +36,11 @@ class RobotsWaitForTheAgreed(Oracle):
 
     def see(self, event: Event) -> None:
         if isinstance(event, Began):
-            self._robots.pop(event.process, None)
             for table in (self._done, self._heard):
                 table.pop(event.process, None)
-            if isinstance(event.service, AgentService):
-                self._robots[event.process] = event.service
             return
         assert isinstance(event, Heard | Said)
-        robot = self._robots.get(event.process)
-        if robot is None:
+        if not isinstance(robot := event.service, AgentService):
             return
         if robot.clock.pace is not Pace.LOCKSTEP:
             self._done.pop(event.process, None)
@@ -82,143 +77,134 @@ def opened_as_consensus(envelope: Envelope) -> Consensus | None:
     return message if isinstance(message, Consensus) else None
 
 
-class BoardsWaitForForwards(Oracle):
+class BoardsWait(Oracle):
+    """What a board in lockstep must have when it is done with a phase of a tick, unless it counts the tick as late."""
+
+    sees = (Began, Heard, Said)
+    phase = ""
+
+    def __init__(self, night: Night) -> None:
+        super().__init__(night)
+        #: Board -> the run, ticks that were late, and the tick, when it was done with the newest one.
+        self._done: dict[str, tuple[str, int, int]] = {}
+
+    def see(self, event: Event) -> None:
+        if self.night.team.mode != "lockstep":
+            return
+        if isinstance(event, Began):
+            self._done.pop(event.process, None)
+            self.forget(event.process)
+        elif isinstance(event, Heard) and isinstance(event.service, BoardService):
+            self.hear(event, event.service)
+        elif isinstance(event, Said) and isinstance(status := event.message, Status) and status.phase == self.phase:
+            board = event.service
+            assert isinstance(board, BoardService)
+            now = board.clock.run, board.counters["late"], status.tick
+            before, self._done[event.process] = self._done.get(event.process, ("", -1, -1)), now
+            if before[0] != board.clock.run:
+                self.begin_run(event.process)
+            goes_by_it = board.clock.pace is Pace.LOCKSTEP and status.tick == board.clock.tick
+            if goes_by_it and before[:2] == now[:2] and before[2] != status.tick:
+                self.judge(event, status.tick, board)
+
+    def forget(self, process: str) -> None:
+        """A process was started: it has heard nothing."""
+        raise NotImplementedError
+
+    def begin_run(self, process: str) -> None:
+        """A board is done with the first tick of a run."""
+
+    def hear(self, event: Heard, board: BoardService) -> None:
+        """A board hears something."""
+        raise NotImplementedError
+
+    def judge(self, event: Said, tick: int, board: BoardService) -> None:
+        """A board is done with the phase of a tick, and not late."""
+        raise NotImplementedError
+
+
+class BoardsWaitForForwards(BoardsWait):
     """In lockstep a joint is done with a tick when it has what each board passes on whose tick it has, or counts the tick as late.
 
     Not asked of what a board listed before it yielded: nobody waits for who follows, and who leads instead passes on the same robots'.
     """
 
-    sees = (Began, Heard, Said)
+    phase = "agreed"
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
-        self._is_asked = night.team.mode == "lockstep" and night.team.fusion == "joint"
-        self._boards: dict[str, BoardService] = {}  # by process
-        #: Board -> the run, ticks that were late, and the tick, when it was done with the newest one.
-        self._done: dict[str, tuple[str, int, int]] = {}
         #: By process: boards, as sub-team and name, and the ticks that their statuses list, and that they passed on.
         self._listed: dict[str, set[tuple[str, str, int]]] = defaultdict(set)
         self._passed: dict[str, set[tuple[str, str, int]]] = defaultdict(set)
 
-    def see(self, event: Event) -> None:
-        if not self._is_asked:
-            return
-        if isinstance(event, Began) and isinstance(event.service, BoardService):
-            self._boards[event.process] = event.service
-            self._forget(event.process)
-        elif isinstance(event, Heard) and event.process in self._boards:
-            self._hear(event)
-        elif isinstance(event, Said) and isinstance(event.message, Status) and event.process in self._boards:
-            self._judge(event, event.message, self._boards[event.process])
+    def forget(self, process: str) -> None:
+        for table in (self._listed, self._passed):
+            table.pop(process, None)
 
-    def _forget(self, process: str) -> None:
-        for table in (self._listed, self._passed, self._done):
-            table.pop(process, None)  # type: ignore[attr-defined]
+    begin_run = forget
 
-    def _hear(self, event: Heard) -> None:
+    def hear(self, event: Heard, board: BoardService) -> None:
         _, parts, message = opened(event.envelope)
         if isinstance(message, Forward):
             self._passed[event.process].add((message.sub_team, message.board, message.tick))
         elif isinstance(message, Status) and message.kind == "board":
-            board, listed = (parts["sub_team"], message.process), self._listed[event.process]
+            other, listed = (parts["sub_team"], message.process), self._listed[event.process]
             if message.follows:
-                listed -= {of for of in listed if of[:2] == board}
+                listed -= {of for of in listed if of[:2] == other}
             elif message.phase == "consensus":
-                listed.add((*board, message.tick))
+                listed.add((*other, message.tick))
 
-    def _judge(self, event: Said, status: Status, board: BoardService) -> None:
-        if status.phase != "agreed":
+    def judge(self, event: Said, tick: int, board: BoardService) -> None:
+        if self.night.team.fusion != "joint":
             return
-        run, late = board.clock.run, board.counters["late"]
-        before = self._done.get(event.process, ("", -1, -1))
-        if before[0] != run:
-            self._forget(event.process)
-        self._done[event.process] = run, late, status.tick
-        if (
-            before[:2] != (run, late)
-            or before[2] == status.tick
-            or board.clock.pace is not Pace.LOCKSTEP
-            or status.tick != board.clock.tick
-        ):
-            return
-        for sub_team, name, tick in self._listed[event.process] - self._passed[event.process]:
+        for sub_team, name, listed in self._listed[event.process] - self._passed[event.process]:
             waits = (
                 board.participants.has_board(sub_team, name)
                 and f"board/{sub_team}/{name}" not in board.reception.in_vain
             )
-            if tick == status.tick and sub_team != board.sub_team and waits:
+            if listed == tick and sub_team != board.sub_team and waits:
                 self.breaks(event.at, f"{event.process} is done with tick {tick} before it has what {name} passes on")
 
 
-class BoardsWaitForReports(Oracle):
+class BoardsWaitForReports(BoardsWait):
     """In lockstep a board settles what its robots list as reported in a tick once all that is here, or counts the tick as late."""
 
-    sees = (Began, Heard, Said)
+    phase = "consensus"
 
     def __init__(self, night: Night) -> None:
         super().__init__(night)
-        self._is_asked = night.team.mode == "lockstep"
-        self._boards: dict[str, BoardService] = {}  # by process
         self._begun: dict[str, float] = {}  # run -> when its first Clock was said
-        #: Board -> the run, ticks that were late, and the tick, when it settled last.
-        self._done: dict[str, tuple[str, int, int]] = {}
         #: By process: the robots' newest lists, and when each of their reports was heard last, by source, subject and tick.
         self._lists: dict[str, dict[str, Status]] = defaultdict(dict)
         self._heard: dict[str, dict[tuple[str, str, int], float]] = defaultdict(dict)
 
     def see(self, event: Event) -> None:
-        if not self._is_asked:
-            return
-        if isinstance(event, Began) and isinstance(event.service, BoardService):
-            self._boards[event.process] = event.service
-            for table in (self._done, self._lists, self._heard):
-                table.pop(event.process, None)  # type: ignore[attr-defined]
-        elif isinstance(event, Heard) and event.process in self._boards:
-            self._hear(event, self._boards[event.process].sub_team)
-        elif isinstance(event, Said) and isinstance(event.message, Clock):
+        if isinstance(event, Said) and isinstance(event.message, Clock):
             self._begun.setdefault(event.message.run, event.at)
-        elif isinstance(event, Said) and isinstance(event.message, Status) and event.process in self._boards:
-            self._judge(event, event.message, self._boards[event.process])
+        super().see(event)
 
-    def _hear(self, event: Heard, sub_team: str) -> None:
+    def forget(self, process: str) -> None:
+        self._lists.pop(process, None)
+        self._heard.pop(process, None)
+
+    def hear(self, event: Heard, board: BoardService) -> None:
         topic, parts, message = opened(event.envelope)
         if isinstance(message, Report):
             self._heard[event.process][message.source, message.subject, message.tick] = event.at
-        elif (
-            topic is keys.STATUS
-            and isinstance(message, Status)
-            and message.phase == "reported"
-            and parts["sub_team"] == sub_team
-        ):
-            self._lists[event.process][message.process] = message
+        elif topic is keys.STATUS and isinstance(message, Status) and parts["sub_team"] == board.sub_team:
+            self._lists[event.process] |= {message.process: message} if message.phase == "reported" else {}
 
-    def _judge(self, event: Said, status: Status, board: BoardService) -> None:
-        if status.phase != "consensus":
-            return
-        now = board.clock.run, board.counters["late"], status.tick
-        before, self._done[event.process] = self._done.get(event.process, ("", -1, -1)), now
-        if (
-            before[:2] != now[:2]
-            or before[2] == status.tick
-            or board.clock.pace is not Pace.LOCKSTEP
-            or status.tick != board.clock.tick
-        ):
-            return
+    def judge(self, event: Said, tick: int, board: BoardService) -> None:
         heard, begun = self._heard[event.process], self._begun.get(board.clock.run, 0.0)
         for robot in board.participants.robots():
             listed = self._lists[event.process].get(robot)
-            if listed is None or listed.tick != status.tick or f"robot/{robot}" in board.reception.in_vain:
+            if listed is None or listed.tick != tick or f"robot/{robot}" in board.reception.in_vain:
                 continue
             for subject in listed.subjects:
-                ticks = [
-                    tick
-                    for (source, what, tick), at in heard.items()
-                    if (source, what) == (robot, subject) and at >= begun
-                ]
-                if max(ticks, default=-1) < status.tick:
+                ticks = [t for (*said, t), at in heard.items() if said == [robot, subject] and at >= begun]
+                if max(ticks, default=-1) < tick:
                     self.breaks(
-                        event.at,
-                        f"{event.process} settles tick {status.tick} before it has what {robot} reports of {subject}",
+                        event.at, f"{event.process} settles tick {tick} before it has what {robot} reports of {subject}"
                     )
 
 
@@ -237,7 +223,6 @@ class LockstepIsWhole(Oracle):
         self._may_be_old = night.team.is_poor or bool(
             night.team.unnamed
         )  # what is seen now and then without a name is kept
-        self._boards: dict[str, BoardService] = {}  # by process
         self._late: dict[str, int] = {}  # board -> ticks that were late when it was done with the one before
         self._tick: dict[str, int] = {}  # board -> the newest tick with which it was done
         self._said: dict[Piece, int] = {}  # the evidence of the newest ticks, with the tick
@@ -248,9 +233,7 @@ class LockstepIsWhole(Oracle):
         if not self._is_asked:
             return
         if isinstance(event, Began):
-            if isinstance(event.service, BoardService):
-                self._boards[event.process] = event.service
-                self._late.pop(event.process, None)
+            self._late.pop(event.process, None)
         elif event.at <= self.night.well:
             return
         elif isinstance(event, Stepped):
@@ -259,15 +242,15 @@ class LockstepIsWhole(Oracle):
             self._hear(event)
 
     def _hear(self, event: Said) -> None:
-        message, board = event.message, self._boards.get(event.process)
+        message, board = event.message, event.service
         if isinstance(message, Clock):
             self._clock = message
         elif isinstance(message, Report):
             for told in evidence_in(event.envelope):
                 self._said.setdefault(told.piece, told.tick)
-        elif board is not None and isinstance(message, Consensus) and message.rule != "joint":
+        elif isinstance(board, BoardService) and isinstance(message, Consensus) and message.rule != "joint":
             self._judge_ages(event, board, message)
-        elif board is not None and isinstance(message, Status) and message.phase == "agreed":
+        elif isinstance(board, BoardService) and isinstance(message, Status) and message.phase == "agreed":
             self._judge_pieces(event, board, message)
 
     def _is_on_time(self, process: str, board: BoardService) -> bool:
