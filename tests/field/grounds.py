@@ -231,6 +231,10 @@ class Grounds(Robots):
         return seen.model_copy(update=anywhere)
 
 
+#: Flags of `main` that say what is wrong with the robots of `Grounds`.
+WRONG = ("told", "each", "alone", "wild", "longer", "askew", "less", "compass", "ahead", "described")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("first", type=int)
@@ -262,21 +266,8 @@ def main() -> None:
     for seed in range(chosen.first, chosen.past):
         ground = Ground(seed, chosen.hertz, together=chosen.together, walks=chosen.ball, rolls=chosen.rolls)
         unplaced = [robot for robot, kit in ground.kits.items() if not kit.gps][:1] if chosen.unplaced else []
-        team = Grounds(
-            ground,
-            told=chosen.told,
-            each=chosen.each,
-            alone=chosen.alone,
-            unplaced=unplaced,
-            wild=chosen.wild,
-            longer=chosen.longer,
-            askew=chosen.askew,
-            less=tuple(chosen.less),
-            compass=chosen.compass,
-            ahead=chosen.ahead,
-            described=chosen.described,
-        )
-        played = team.play(chosen.seconds)
+        wrong = {name: value for name, value in vars(chosen).items() if name in WRONG}
+        played = Grounds(ground, unplaced=unplaced, **wrong).play(chosen.seconds)
         ratios = [f"{n} {t.rmse / played['central'][n].rmse:.2f} {t.coverage():.2f}" for n, t in played["team"].items()]
         print(seed, ", ".join([*(f"{robot} unplaced" for robot in unplaced), *ratios]), flush=True)
         add_all(totals, played)

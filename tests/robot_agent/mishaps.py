@@ -20,6 +20,20 @@ BEGAN = 60  # seconds: when the mishap begins
 NEAR = 0.3  # unit: a robot is found again once its error stays below
 
 
+@dataclass(frozen=True)
+class Mishap:
+    """What begins at `BEGAN`: the robot is `stuck` for some seconds, or it is shifted by `push` and turned.
+
+    Or its odometry jumps then, by a way (unit) and a turn (radians), and it sees no landmarks for `blind` seconds.
+    """
+
+    stuck: int = 0
+    push: tuple[float, float] = (0.0, 0.0)
+    turn: float = 0.0
+    jump: tuple[float, float] = (0.0, 0.0)
+    blind: int = 0
+
+
 @dataclass
 class Course:
     """What happened, second by second."""
@@ -56,25 +70,17 @@ class Drive:
         self.own, self.course = FirstHand("robot/r1", Sensors()), Course()
         self.x, self.y, self.heading = 0.0, 0.0, 0.0
 
-    def step(
-        self,
-        tick: int,
-        *,
-        stuck: int = 0,
-        push: tuple[float, float] = (0.0, 0.0),
-        turn: float = 0.0,
-        jump: tuple[float, float] = (0.0, 0.0),
-        blind: int = 0,
-    ) -> None:
+    def step(self, tick: int, mishap: Mishap = Mishap()) -> None:
         way, angle = DRIVES[(tick + 7 * self.seed) % len(DRIVES)] if tick else (0.0, 0.0)
-        if not BEGAN <= tick < BEGAN + stuck and tick:
+        if not BEGAN <= tick < BEGAN + mishap.stuck and tick:
             self._go(angle + 0.01 * self.rng.normal(), way + 0.01 * self.rng.normal())
         if tick == BEGAN:
-            self.x, self.y, self.heading = self.x + push[0], self.y + push[1], self.heading + turn
-            way, angle = way + jump[0], angle + jump[1]
-        is_blind = BEGAN <= tick < BEGAN + blind or not tick
-        visible = [(n, place) for n, place in enumerate(LANDMARKS) if tick % 3 == n % 3 and not is_blind]
-        seen = [_sighting(n, place, self.x, self.y, self.heading, self.rng, self.misreads) for n, place in visible]
+            (x, y), (ahead, turned) = mishap.push, mishap.jump
+            self.x, self.y, self.heading = self.x + x, self.y + y, self.heading + mishap.turn
+            way, angle = way + ahead, angle + turned
+        is_blind = BEGAN <= tick < BEGAN + mishap.blind or not tick
+        visible = [] if is_blind else [n for n in range(len(LANDMARKS)) if tick % 3 == n % 3]
+        seen = [self._sighting(n, LANDMARKS[n]) for n in visible]
         self.own.step(readings(tick, way, angle, seen))
         self._note()
 
@@ -83,31 +89,27 @@ class Drive:
         self.x, self.y = self.x + went * math.cos(middle), self.y + went * math.sin(middle)
         self.heading += turned
 
+    def _sighting(self, n: int, place: tuple[float, float]) -> Sighting:
+        rng = self.rng
+        away = math.dist(place, (self.x, self.y)) * (1 + 0.03 * rng.normal())
+        angle = math.atan2(place[1] - self.y, place[0] - self.x) - self.heading + 0.01 * rng.normal()
+        if self.misreads and rng.random() < 0.1:
+            away, angle = 10 * rng.random(), 6 * rng.random() - 3
+        return Sighting(subject=f"landmark/{n}", range=max(0.0, away), bearing=angle, landmark=place)
+
     def _note(self) -> None:
         belief, named, course = self.own.belief, self.own.found(), self.course
         course.errors.append(math.nan if belief is None else math.dist(belief.mean[:2], (self.x, self.y)))
-        course.stuck.append(named.get("stuck", 0.0))
-        course.moved.append(named.get("moved", 0.0))
-        course.jumped.append(named.get("jumped", 0.0))
+        for name in ("stuck", "moved", "jumped"):
+            getattr(course, name).append(named.get(name, 0.0))
         course.sigmas.append(math.nan if belief is None else math.sqrt(np.trace(belief.covariance[:2, :2])))
 
 
-def course(
-    seed: int,
-    stuck: int = 0,
-    push: tuple[float, float] = (0.0, 0.0),
-    turn: float = 0.0,
-    misreads: bool = False,
-    jump: tuple[float, float] = (0.0, 0.0),
-    blind: int = 0,
-) -> Course:
-    """A drive of 120 s. From `BEGAN` on the robot is `stuck` for some seconds, or it is shifted by `push` and turned.
-
-    Or its odometry jumps then, by a way (unit) and a turn (radians), and it sees no landmarks for `blind` seconds.
-    """
-    drive = copy.deepcopy(_begun(seed, misreads))
+def course(seed: int, misreads: bool = False, **mishap: Any) -> Course:
+    """A drive of 120 s with a `Mishap`."""
+    drive, begins = copy.deepcopy(_begun(seed, misreads)), Mishap(**mishap)
     for tick in range(BEGAN, 121):
-        drive.step(tick, stuck=stuck, push=push, turn=turn, jump=jump, blind=blind)
+        drive.step(tick, begins)
     return drive.course
 
 
@@ -118,16 +120,6 @@ def _begun(seed: int, misreads: bool) -> Drive:
     for tick in range(BEGAN):
         drive.step(tick)
     return drive
-
-
-def _sighting(
-    n: int, place: tuple[float, float], x: float, y: float, heading: float, rng: np.random.Generator, misreads: bool
-) -> Sighting:
-    away = math.dist(place, (x, y)) * (1 + 0.03 * rng.normal())
-    angle = math.atan2(place[1] - y, place[0] - x) - heading + 0.01 * rng.normal()
-    if misreads and rng.random() < 0.1:
-        away, angle = 10 * rng.random(), 6 * rng.random() - 3
-    return Sighting(subject=f"landmark/{n}", range=max(0.0, away), bearing=angle, landmark=place)
 
 
 def main(seeds: int = 20) -> None:

@@ -19,7 +19,7 @@ from blackboard.process.reactions import Cue
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
 from robot_agent.config import OdometrySection
-from robot_agent.driven import PIECES, UNKNOWN_WHEELS, Driven, SinceStep, driven, sensors_in
+from robot_agent.driven import PIECES, UNKNOWN_WHEELS, Driven, Pose, SinceStep, driven, sensors_in
 from robot_agent.extrapolated import Extrapolated
 from robot_agent.gaussian.sensors import Wheels, wheels_of
 from tests.present import present
@@ -34,6 +34,16 @@ AHEAD = SinceStep(Odometry(distance=0.1, turn=0.0, dt=0.1))
 def new_robot(joint: bool = True, heard: list[Cue | Message] | None = None, scenario: Scenario | None = None) -> Driven:
     news = (lambda event, now: None) if heard is None else (lambda event, now: heard.append(event))
     return driven(news, scenario, team="t", sub_teams=("a",), robot="r1", grid=GRID, joint=joint)
+
+
+def pose_after(*steps: SinceStep, every: float = 0.1, robot: Driven | None = None) -> Pose:
+    """Where a robot is after a start and some steps, each so many seconds after the one before."""
+    robot = robot or new_robot()
+    robot.step(START, NOW)
+    for number, step in enumerate(steps, 1):
+        pose, _ = robot.step(step, NOW + every * number)
+        robot.check()
+    return present(pose)
 
 
 def test_nobody_knows_where_it_is_before_it_was_told() -> None:
@@ -132,14 +142,11 @@ def test_a_turn_somewhere_in_a_long_step_leaves_unknown_where_it_leads(pieces: i
 
     def across(turn: float) -> float:
         robot = new_robot(scenario=Scenario({"robot": {"odometry": {"along": 0.0, "turn": 0.0}}}))
-        robot.step(START, NOW)
-        for number, turned in enumerate((0.0, 0.0, 0.0, turn), 1):
-            piece = Odometry(
-                distance=0.4 / pieces, turn=turned / pieces, dt=0.5 / pieces, turn_sigma=0.0, distance_sigma=0.01
-            )
-            step = reduce(SinceStep.plus, [SinceStep(piece)] * pieces)
-            pose, _ = robot.step(step, NOW + 0.5 * number)
-        return float(np.linalg.eigvalsh(present(pose).covariance[:2, :2])[-1])
+        sigmas, steps = {"turn_sigma": 0.0, "distance_sigma": 0.01}, []
+        for turned in (0.0, 0.0, 0.0, turn):
+            piece = Odometry(distance=0.4 / pieces, turn=turned / pieces, dt=0.5 / pieces, **sigmas)
+            steps.append(reduce(SinceStep.plus, [SinceStep(piece)] * pieces))
+        return float(np.linalg.eigvalsh(pose_after(*steps, every=0.5, robot=robot).covariance[:2, :2])[-1])
 
     assert (across(0.5) > across(0.0) + 0.03**2) == wider
 
@@ -169,12 +176,8 @@ def test_a_fix_without_a_heading_leaves_the_heading_of_the_one_before() -> None:
 
 def test_sigmas_of_the_odometry_count_instead_of_the_model_s() -> None:
     def spread(**sigmas: float) -> float:
-        robot = new_robot()
-        robot.step(START, NOW)
-        for number in range(1, 21):
-            step = SinceStep(Odometry(distance=0.1, turn=0.0, dt=0.1, **sigmas))
-            pose, _ = robot.step(step, NOW + 0.1 * number)
-        return float(present(pose).covariance[2, 2])
+        steps = [SinceStep(Odometry(distance=0.1, turn=0.0, dt=0.1, **sigmas))] * 20
+        return float(pose_after(*steps).covariance[2, 2])
 
     assert spread(distance_sigma=0.0, turn_sigma=0.0) < spread() < spread(distance_sigma=0.0, turn_sigma=0.2)
 
@@ -232,17 +235,9 @@ def test_the_tables_of_one_robot_count_for_a_program_s_own_robot_too() -> None:
 
 
 def test_wheels_that_are_off_are_found_out() -> None:
-    robot = new_robot()
-    robot.step(START, NOW)
-    x = 5.0
-    for number in range(1, 41):
-        x += 0.1  # 5 % more than it is told
-        fix = Fix(position=(x, 5.0), sigma=0.02)
-        step = SinceStep(
-            Odometry(distance=0.1 / 1.05, turn=0.0, dt=0.1, distance_sigma=0.001, turn_sigma=0.001), fix=fix
-        )
-        pose, _ = robot.step(step, NOW + 0.1 * number)
-    assert math.dist(present(pose).mean[:2], (x, 5.0)) < 0.05
+    told = Odometry(distance=0.1 / 1.05, turn=0.0, dt=0.1, distance_sigma=0.001, turn_sigma=0.001)  # 5 % too little
+    steps = [SinceStep(told, fix=Fix(position=(5.0 + 0.1 * number, 5.0), sigma=0.02)) for number in range(1, 41)]
+    assert math.dist(pose_after(*steps).mean[:2], (9.0, 5.0)) < 0.05
 
 
 def test_its_program_is_told_what_it_hears() -> None:
@@ -294,14 +289,9 @@ def test_a_robot_that_stands_between_ways_or_falls_behind_a_little_is_told_nothi
 STOOD = SinceStep(Odometry(distance=0.0, turn=0.0, dt=0.1))
 
 
-def spread_after(*steps: SinceStep, every: float = 0.1) -> float:
+def spread_after(*steps: SinceStep) -> float:
     """The sigma (unit) of a place along x after a start and some steps."""
-    robot = new_robot()
-    robot.step(START, NOW)
-    for number, step in enumerate(steps, 1):
-        pose, _ = robot.step(step, NOW + every * number)
-        robot.check()
-    return math.sqrt(present(pose).covariance[0, 0])
+    return math.sqrt(pose_after(*steps).covariance[0, 0])
 
 
 @pytest.mark.parametrize("silent", [10, 50])
@@ -405,11 +395,9 @@ def test_a_robot_whose_odometry_stops_is_told_so_once() -> None:
 
 def test_without_odometry_a_fix_still_tells_where_it_is() -> None:
     here = SinceStep(fix=Fix(position=(8.0, 5.0), sigma=0.3))
-    robot = new_robot()
-    for number, step in enumerate([START, *[AHEAD] * 20, *[SinceStep()] * 30, here]):
-        pose, _ = robot.step(step, NOW + 0.1 * number)
-    assert present(pose).mean[:2] == pytest.approx((8.0, 5.0), abs=0.2)
-    assert math.sqrt(present(pose).covariance[0, 0]) <= 0.31
+    pose = pose_after(*[AHEAD] * 20, *[SinceStep()] * 30, here)
+    assert pose.mean[:2] == pytest.approx((8.0, 5.0), abs=0.2)
+    assert math.sqrt(pose.covariance[0, 0]) <= 0.31
 
 
 def test_a_robot_whose_own_filter_falls_silent_may_have_driven_on() -> None:

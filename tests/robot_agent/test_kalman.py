@@ -31,10 +31,13 @@ def standing(tick: int, pose: Pose, **what: object) -> Readings:
     return readings(tick, odometry=Odometry(distance=0, turn=0, dt=1), sightings=sightings, **what)
 
 
-def started() -> FirstHand:
+def started(stands: int = 0) -> FirstHand:
+    """A robot that was told its pose, the origin, and stands there for some ticks."""
     robot = FirstHand(ROBOT)
     fix = Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)
     robot.step(readings(0, fix=fix))
+    for tick in range(1, 1 + stands):
+        robot.step(standing(tick, (0.0, 0.0, 0.0)))
     return robot
 
 
@@ -177,9 +180,7 @@ def test_a_misread_barcode_is_not_taken() -> None:
 
 
 def test_a_robot_that_was_carried_away_begins_a_new_epoch() -> None:
-    robot = started()
-    for tick in range(1, 5):
-        robot.step(standing(tick, (0.0, 0.0, 0.0)))
+    robot = started(4)
     for tick in range(5, 5 + LOST):
         result = robot.step(standing(tick, (-1.5, 1.5, 2.0)))
     assert result.epoch == 1000 * (4 + LOST)
@@ -196,9 +197,7 @@ def test_a_robot_that_was_carried_away_begins_where_its_team_has_it_only_if_its_
     knows: bool,
 ) -> None:
     """A team of which nobody sees it believes what it told, and there it began again and again."""
-    robot, here = started(), (-3.0, 3.0, 2.5)
-    for tick in range(1, 5):
-        robot.step(standing(tick, (0.0, 0.0, 0.0)))
+    robot, here = started(4), (-3.0, 3.0, 2.5)
     first = robot.epoch
     for tick in range(5, 5 + LOST):
         team = present(robot.belief)
@@ -218,9 +217,7 @@ def seeing(tick: int, names: Sequence[str], at: tuple[float, float, float]) -> R
 @pytest.mark.parametrize("others", [LOST + 1, 30])
 def test_a_robot_that_sees_one_landmark_at_a_time_finds_out_that_it_was_carried_away(others: int) -> None:
     """It needed two in view at a time, so with a narrow camera it stayed metres off, and sure of that, until its wheels lost it."""
-    robot, (one, other, _) = started(), sorted(LANDMARKS)
-    for tick in range(1, 5):
-        robot.step(standing(tick, (0.0, 0.0, 0.0)))
+    robot, (one, other, _) = started(4), sorted(LANDMARKS)
     first = robot.epoch
     for tick in range(5, 5 + others):
         robot.step(seeing(tick, [one], (-1.5, 1.5, 2.0)))
@@ -231,9 +228,7 @@ def test_a_robot_that_sees_one_landmark_at_a_time_finds_out_that_it_was_carried_
 
 
 def test_a_robot_is_not_lost_where_one_landmark_is_not_where_the_map_has_it() -> None:
-    robot, (one, other, _) = started(), sorted(LANDMARKS)
-    for tick in range(1, 5):
-        robot.step(standing(tick, (0.0, 0.0, 0.0)))
+    robot, (one, other, _) = started(4), sorted(LANDMARKS)
     first = robot.epoch
     for tick in range(5, 60):
         robot.step(seeing(tick, [one], (-1.5, 1.5, 2.0)) if tick % 10 else seeing(tick, [other], (0.0, 0.0, 0.0)))
