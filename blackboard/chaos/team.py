@@ -4,7 +4,6 @@ import asyncio
 import json
 import os
 import sys
-import threading
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Collection
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -20,11 +19,10 @@ from blackboard.config import Scenario
 from blackboard.errors import RunFailed
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
-from blackboard.run.launch import ProcessTable, free_port, process_table
+from blackboard.run.launch import READY_SECONDS, ProcessTable, free_port, open_link, process_table
 from blackboard.run.supervisor import ProcessRow, Supervisor
 from blackboard.wire import keys
 
-READY = 60.0  # seconds for all to show their tokens, and for the first belief
 LOOK = 0.1  # seconds between two looks
 SITES = "sites"  # the lane between two routers
 #: Of the world's session with both routers, a peer's, because a client has one router only; it connects again by itself.
@@ -55,10 +53,12 @@ class StormTeam:
 
     async def until(self, fact: Callable[[], bool], what: str) -> None:
         """Wait for a fact while the world runs. RunFailed: it does not come, or the world ends."""
-        end = self.now() + READY
+        end = self.now() + READY_SECONDS
         while not fact():
             if self.now() > end or self.world.done():
-                raise RunFailed(f"{what}: not within {READY:g} s; the processes said last:\n" + "\n".join(self.lines))
+                raise RunFailed(
+                    f"{what}: not within {READY_SECONDS:g} s; the processes said last:\n" + "\n".join(self.lines)
+                )
             await asyncio.sleep(LOOK / 2)
 
     async def watch(self) -> None:
@@ -125,9 +125,10 @@ async def storm_team(
         supervisor = await stack.enter_async_context(Supervisor(lambda name, line: lines.append(f"{name:>8} | {line}")))
         for process in (*routers, *members):
             supervisor.keep_running(process)
-        links = [stack.enter_context(await _open(LinkConfig(connect=(where,)))) for where in endpoints[: len(routers)]]
-        for link in links:
-            _listen(link, scenario.team.name)
+        links = []
+        for where in endpoints[: len(routers)]:
+            links.append(stack.enter_context(await open_link(LinkConfig(connect=(where,)), "observer")))
+            _listen(links[-1], scenario.team.name)
         team = StormTeam(Sight(scenario.team), lanes, supervisor, _idle(), links, lines=lines)
         yield await _begin(stack, team, processes, world)
 
@@ -152,15 +153,6 @@ def _idle() -> asyncio.Task[tuple[int, str]]:
         return 0, ""
 
     return asyncio.create_task(wait())
-
-
-async def _open(config: LinkConfig) -> Link:
-    """A link, opened in a thread; where this is cancelled, the thread gives up."""
-    given_up = threading.Event()
-    try:
-        return await asyncio.to_thread(Link, config, "observer", patience=READY, stopped=given_up.is_set)
-    finally:
-        given_up.set()
 
 
 def _listen(link: Link, team: str) -> None:

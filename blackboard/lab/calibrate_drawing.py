@@ -27,11 +27,9 @@ def residuals(fit: Fit, robot: int, unit: str) -> Figure:
     seen, noise = fit.drives.sightings, fit.noise
     for good, colour, marker in ((True, BLUE, "."), (False, VERMILION, "x")):
         rows = (seen.robot == robot) & ((fit.believed > 0.5) == good)
-        label = "sightings" if good else "misreads"
-        axes[0, 0].plot(seen.range[rows], fit.sighted.residual[rows, 0], marker, ms=3, ls="", color=colour, label=label)
-        axes[0, 1].plot(
-            seen.bearing[rows], fit.sighted.residual[rows, 1], marker, ms=3, ls="", color=colour, label=label
-        )
+        style = {"marker": marker, "ms": 3, "ls": "", "color": colour, "label": "sightings" if good else "misreads"}
+        axes[0, 0].plot(seen.range[rows], fit.sighted.residual[rows, 0], **style)
+        axes[0, 1].plot(seen.bearing[rows], fit.sighted.residual[rows, 1], **style)
     far = np.linspace(0.0, max(1.0, float(seen.range.max(initial=1.0))), 50)
     sigma = np.sqrt(noise.range_variance(np.full(50, robot), far))
     for side in (-2, 2):

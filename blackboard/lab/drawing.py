@@ -83,18 +83,11 @@ def comparison(table: Mapping[str, Any]) -> Figure:
                     if rule not in results["rules"]:  # a scenario's own [board] takes part in its team's run only
                         continue
                     e = results["rules"][rule][column]
-                    default, best = rule == table["default"], rule in results["best"][column]
+                    colour, width = (VERMILION, 3) if rule == table["default"] else (BLUE, 1.5)
+                    marker, size = ("*", 10) if rule in results["best"][column] else ("o", 5)
                     if e["low"] is not None:  # of too few runs there is no interval
-                        axis.plot(
-                            [e["low"], e["high"]],
-                            [place, place],
-                            color=VERMILION if default else BLUE,
-                            lw=3 if default else 1.5,
-                        )
-                    axis.plot(
-                        e["value"], place, marker="*" if best else "o", ms=10 if best else 5,
-                        color=VERMILION if default else BLUE,
-                    )  # fmt: skip
+                        axis.plot([e["low"], e["high"]], [place, place], color=colour, lw=width)
+                    axis.plot(e["value"], place, marker=marker, ms=size, color=colour)
                 if column == "coverage_95":
                     axis.axvline(0.95, color=BLACK, ls=":", lw=1)
                     axis.set_title(situation)

@@ -92,19 +92,18 @@ def on_a_line(rng: np.random.Generator) -> dict[str, Any]:
 
 def in_the_world(runs: Mapping[int, Sequence[FigureScores]], rng: np.random.Generator) -> dict[str, Any]:
     """The numbers of Figs. 6 and 7 as JSON; `runs` holds the scores of each run of `world` for each grid size."""
-    names = [*RULES, JOINT]
-    over_time = {
-        n: {name: _together([run.over_time[name] for run in some]) for name in names} for n, some in runs.items()
+    shown = {
+        what: {
+            n: {
+                name: reduce(TeamSizeScores.merge, (getattr(run, what)[name] for run in some))
+                for name in (*RULES, JOINT)
+            }
+            for n, some in runs.items()
+        }
+        for what in ("over_time", "over_size")
     }
-    over_size = {
-        n: {name: _together([run.over_size[name] for run in some]) for name in names} for n, some in runs.items()
-    }
-    seven = fig7(over_size, rng)
-    return {"fig6": fig6(over_time, rng), "fig7": seven}
-
-
-def _together(runs: Sequence[TeamSizeScores]) -> TeamSizeScores:
-    return reduce(TeamSizeScores.merge, runs)
+    seven = fig7(shown["over_size"], rng)
+    return {"fig6": fig6(shown["over_time"], rng), "fig7": seven}
 
 
 def fig1() -> dict[str, Any]:
@@ -208,12 +207,8 @@ def fig6(grids: Mapping[int, Mapping[str, TeamSizeScores]], rng: np.random.Gener
     for size, by_rule in grids.items():
         shown = [("alone", next(iter(by_rule.values())), 0), *((rule, scores, -1) for rule, scores in by_rule.items())]
         estimates = {name: _at_times(scores, time, column, rng) for name, scores, column in shown}
-        by_grid[str(size)] = {
-            name: {key: row[:-1] for key, row in of_rule.items()} for name, of_rule in estimates.items()
-        }
-        over_time[str(size)] = {
-            name: {key: row[-1] for key, row in of_rule.items()} for name, of_rule in estimates.items()
-        }
+        by_grid[str(size)] = {name: {key: row[:-1] for key, row in e.items()} for name, e in estimates.items()}
+        over_time[str(size)] = {name: {key: row[-1] for key, row in e.items()} for name, e in estimates.items()}
     title = f"Fig. 6: one robot's belief and that of all, {_runs(first)} ({PARAMETERS})"
     return {"title": title, "time": time, "grids": by_grid, "means": over_time}
 
@@ -244,21 +239,17 @@ def fig7(grids: Mapping[int, Mapping[str, TeamSizeScores]], rng: np.random.Gener
 
     low and high: the 95 % interval over the runs, None of fewer than four. `by_kind` has robots and objects apart.
     """
-    by_grid: dict[str, Any] = {}
-    for size, by_rule in grids.items():
-        by_grid[str(size)] = {
-            rule: {
-                **_by_size(scores, rng),
-                "by_kind": {
-                    kind: _by_size(_only(scores, kind), rng) for kind in ("robot", "object") if _only(scores, kind).run
-                },
-            }
-            for rule, scores in by_rule.items()
-        }
+    by_grid = {str(n): {rule: _of_kinds(scores, rng) for rule, scores in of.items()} for n, of in grids.items()}
     any_scores = next(iter(next(iter(grids.values())).values()))
     robots = list(range(1, len(any_scores.entropies[0]) + 1))
     title = f"Fig. 7: cooperating robots, {_runs(any_scores)} ({PARAMETERS})"
     return {"title": title, "robots": robots, "seeds": len(set(any_scores.run)), "grids": by_grid}
+
+
+def _of_kinds(scores: TeamSizeScores, rng: np.random.Generator) -> dict[str, Any]:
+    together = _by_size(scores, rng)
+    kinds = {kind: some for kind in ("robot", "object") if (some := _only(scores, kind)).run}
+    return {**together, "by_kind": {kind: _by_size(some, rng) for kind, some in kinds.items()}}
 
 
 def _runs(scores: TeamSizeScores) -> str:

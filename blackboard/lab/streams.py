@@ -130,24 +130,16 @@ def generate(stream: Stream, fusions: int, rng: np.random.Generator) -> Iterator
         truth = np.array([rng.uniform(MARGIN, n - MARGIN) for n in GRID.shape])
         sigmas = rng.uniform(*SIGMA, sources.n)
         fresh = _root(sources.correlation) @ rng.standard_normal((sources.n, 2))  # errors in sigmas
-        errors = (
-            fresh
-            if errors is None or len(errors) != sources.n
-            else sources.memory * errors + math.sqrt(1 - sources.memory**2) * fresh
-        )
+        if errors is not None and len(errors) == sources.n:
+            fresh = sources.memory * errors + math.sqrt(1 - sources.memory**2) * fresh
+        errors = fresh
         means = truth + (sigmas * sources.factor)[:, None] * errors + sources.bias[:, None] * away
         for source, origin in sources.echoes.items():
             means[source], sigmas[source] = means[origin], sigmas[origin]
         means = np.clip(means, 0.0, GRID.shape)
         ps = np.stack([_opinion(sources, i, means[i], float(sigmas[i]), truth) for i in range(sources.n)])
-        case = Case(
-            GRID,
-            "object/target",
-            number * SPACING,
-            tuple(f"s{i + 1}" for i in range(sources.n)),
-            ps,
-            (*truth.tolist(),),
-        )
+        names = tuple(f"s{i + 1}" for i in range(sources.n))
+        case = Case(GRID, "object/target", number * SPACING, names, ps, (*truth.tolist(),))
         yield StreamInstant(case, _oracle(sources, ps, means, sigmas))
 
 

@@ -282,20 +282,21 @@ class Observer:
             raise RunFailed(f"not ready after {READY_SECONDS:g} s: {late}; their output is above") from None
 
 
+async def open_link(config: LinkConfig, name: str) -> Link:
+    """A link, opened in a thread, which tries for `READY_SECONDS`; where this is cancelled, the thread gives up."""
+    given_up = threading.Event()
+    try:
+        return await asyncio.to_thread(Link, config, name, patience=READY_SECONDS, stopped=given_up.is_set)
+    finally:
+        given_up.set()
+
+
 @asynccontextmanager
 async def _observer(
     config: LinkConfig, scenario: Scenario, on_world_alive: Callable[[], None], progress: Progress | None
 ) -> AsyncIterator[Observer]:
-    """An observer with a session of its own, which opens as soon as the router is ready.
-
-    Opening runs in a thread, which tries again and again; where this is cancelled, `given_up` ends the thread.
-    """
-    given_up = threading.Event()
-    try:
-        link = await asyncio.to_thread(Link, config, "launcher", patience=READY_SECONDS, stopped=given_up.is_set)
-    finally:
-        given_up.set()
-    with link:
+    """An observer with a session of its own, which opens as soon as the router is ready."""
+    with await open_link(config, "launcher") as link:
         observer = Observer(link, scenario, on_world_alive, progress)
         following = asyncio.create_task(observer.follow())
         try:

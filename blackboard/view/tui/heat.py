@@ -15,15 +15,9 @@ from blackboard.wire.gaussians import pose_of
 BACK = (13, 17, 23)
 #: Okabe and Ito's orange, sky, green, pink and yellow, brighter where they are too faint on black, and three that differ from them.
 COLOURS = (
-    (230, 159, 0),
-    (86, 180, 233),
-    (0, 178, 131),
-    (224, 122, 184),
-    (240, 228, 66),
-    (232, 80, 58),
-    (154, 123, 255),
+    (230, 159, 0), (86, 180, 233), (0, 178, 131), (224, 122, 184), (240, 228, 66), (232, 80, 58), (154, 123, 255),
     (196, 204, 212),
-)
+)  # fmt: skip
 ARROWS = "→↗↑↖←↙↓↘"  # where a robot heads, by eighths of a turn
 FADE = 0.6  # share of its colour that a belief keeps which is not chosen
 
