@@ -9,18 +9,8 @@ from typing import Any
 
 import numpy as np
 
-OPAQUE = (
-    type,
-    types.ModuleType,
-    types.FunctionType,
-    types.BuiltinFunctionType,
-    str,
-    bytes,
-    int,
-    float,
-    bool,
-    type(None),
-)
+FUNCTIONS = (types.FunctionType, types.BuiltinFunctionType)
+OPAQUE = (type, types.ModuleType, *FUNCTIONS, str, bytes, int, float, bool, type(None))
 
 
 def holdings(root: object, name: str) -> Counter[str]:

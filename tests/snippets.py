@@ -15,19 +15,9 @@ BLOCK = re.compile(
 MADE = ("commands.md", "tables.md")  # pages that `make docs` makes
 PROMPT = re.compile(r"^(?:[a-z][\w-]*\$ +)?")  # `base$ blackboard router`: on which host
 WORDS = [
-    "blackboard",
-    "blackboard-rerun",
-    "robot-agent",
-    "sim-world",
-    "make",
-    "docker",
-    "pip",
-    "python",
-    "git",
-    "export",
-    "ros2",
-    "rviz2",
-]
+    "blackboard", "blackboard-rerun", "robot-agent", "sim-world", "make", "docker", "pip", "python", "git",
+    "export", "ros2", "rviz2",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

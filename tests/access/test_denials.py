@@ -14,16 +14,9 @@ from blackboard.wire.envelope import Envelope
 
 R1, VIEW = "a8d554dc00c5801910348393eb546b24", "2c0780a54f2038ed30e8f976ffca4de0"
 KINDS = [
-    "Query",
-    "Reply",
-    "Put",
-    "Delete",
-    "Declare/Undeclare_Subscriber",
-    "Declare/Undeclare_Queryable",
-    "Declare/Undeclare_Liveliness_Token",
-    "Liveliness_Query",
-    "Declare_Liveliness_Subscriber",
-]
+    "Query", "Reply", "Put", "Delete", "Declare/Undeclare_Subscriber", "Declare/Undeclare_Queryable",
+    "Declare/Undeclare_Liveliness_Token", "Liveliness_Query", "Declare_Liveliness_Subscriber",
+]  # fmt: skip
 
 
 def line(text: str, *, level: str = "TRACE", thread: int = 9, target: str = TARGET) -> str:

@@ -68,21 +68,9 @@ def test_a_memory_is_small_and_that_of_the_most_sources_fits_a_message() -> None
     learner = Learner("consensus")
     for second in range(PAIR_WINDOW):
         learner.compare_opinions("object/ball", float(second), [opinion(f"r{i}", (10 + i, 10)) for i in range(8)])
-    assert (
-        len(
-            encode(
-                Memory(
-                    board="a1",
-                    sub_team="a",
-                    tick=1,
-                    time=1e6,
-                    consensus=packed_memory(learner, DissentJudge("x")),
-                    agreed=EMPTY,
-                )
-            )
-        )
-        < 13_000
-    )
+    packed = packed_memory(learner, DissentJudge("x"))
+    memory = Memory(board="a1", sub_team="a", tick=1, time=1e6, consensus=packed, agreed=EMPTY)
+    assert len(encode(memory)) < 13_000
     pairs = MAX_SOURCES * (MAX_SOURCES - 1) // 2
     assert pairs * PAIR_WINDOW * SAMPLE.itemsize < 0.8 * MAX_BYTES
 

@@ -29,56 +29,17 @@ TELL = 100_000  # messages between two lines that say how far it is
 SECONDS = 600.0  # of bus time until a run must have ended
 
 NUMBERS = (
-    0,
-    1,
-    -1,
-    0.5,
-    3,
-    4,
-    1e-300,
-    1e-6,
-    1e12,
-    -1e12,
-    1e13,
-    1.7e308,
-    float("nan"),
-    float("inf"),
-    2**53 - 1,
-    2**53,
-    2**63,
-    True,
-)
+    0, 1, -1, 0.5, 3, 4, 1e-300, 1e-6, 1e12, -1e12, 1e13, 1.7e308, float("nan"), float("inf"), 2**53 - 1, 2**53,
+    2**63, True,
+)  # fmt: skip
 TEXTS = (
-    "",
-    "r1",
-    "r2",
-    "r3",
-    "x",
-    "board-a",
-    "board-b",
-    "a",
-    "b",
-    "robot/r1",
-    "robot/x",
-    "object/ball",
-    "landmark/l",
-    "x" * 5000,
-    "\n\x1b[2J",
-)
+    "", "r1", "r2", "r3", "x", "board-a", "board-b", "a", "b", "robot/r1", "robot/x", "object/ball", "landmark/l",
+    "x" * 5000, "\n\x1b[2J",
+)  # fmt: skip
 WORDS = (
-    "robot",
-    "board",
-    "reported",
-    "consensus",
-    "agreed",
-    "idle",
-    "lockstep",
-    "realtime",
-    "log8",
-    "log16",
-    "f32",
+    "robot", "board", "reported", "consensus", "agreed", "idle", "lockstep", "realtime", "log8", "log16", "f32",
     "independent",
-)
+)  # fmt: skip
 
 
 def places(value: Any) -> list[tuple[Any, Any]]:

@@ -21,17 +21,9 @@ from tests.scenarios import LEARNS
 
 TEAM = LEARNS.changed("time", seconds=4.0).changed("world", objects={"ball": {"drift": 0.2}})
 QUICK = {
-    "sure-off",
-    "epochs-pulls",
-    "replays-5",
-    "clock-slow",
-    "tells-poses",
-    "knows-all",
-    "echoes",
-    "absurd-10",
-    "drives-back",
-    "guests-off",
-}
+    "sure-off", "epochs-pulls", "replays-5", "clock-slow", "tells-poses", "knows-all", "echoes", "absurd-10",
+    "drives-back", "guests-off",
+}  # fmt: skip
 TRIED = [
     pytest.param(fusion, lie, id=f"{fusion}-{lie.name}", marks=() if quick else pytest.mark.hostile)
     for fusion in ("joint", "opinions")

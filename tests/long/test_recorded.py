@@ -19,18 +19,8 @@ from tests.snippets import block
 @needs_dataset7
 def test_the_recorded_team_is_scored(tmp_path: Path) -> None:
     """Ten seconds of each fusion, as processes: the numbers of the table are the scorecards' own."""
-    arguments = (
-        "--start",
-        "1248446200",
-        "--seconds",
-        "10",
-        "--protocol",
-        "C_blind12",
-        "--json",
-        "--runs",
-        str(tmp_path),
-    )
-    run = blackboard("score", "--mrclam", str(DATASET7), *arguments)
+    arguments = "--start 1248446200 --seconds 10 --protocol C_blind12 --json"
+    run = blackboard("score", "--mrclam", str(DATASET7), *arguments.split(), "--runs", str(tmp_path))
     assert run.returncode == 0, run.stderr
     scores = json.loads(run.stdout)["protocols"]["C_blind12"]["scores"]
     assert list(scores) == ["team", "r1", "r2", "r3", "r4", "r5"]

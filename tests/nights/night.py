@@ -93,27 +93,16 @@ class Team:
             "people": {"count": 2 if self.unnamed == "person" else 0, "speed": SPEED},
             "detector": DETECTOR | {"anonymous": [self.unnamed]},
         }
+        sub_teams = {s: list(robots) for s, robots in self.sub_teams.items()}
+        mode = "realtime" if self.mode == "free" else self.mode
         return Scenario(
             {
                 "name": "night",
-                "team": {
-                    "guests": "vote",
-                    "name": "t",
-                    "sub_teams": {s: list(robots) for s, robots in self.sub_teams.items()},
-                    "boards": self.boards,
-                },
+                "team": {"guests": "vote", "name": "t", "sub_teams": sub_teams, "boards": self.boards},
                 "grid": {"shape": [CELLS, CELLS]},
-                "time": {
-                    "tick": self.tick,
-                    "seconds": float("inf"),
-                    "mode": "realtime" if self.mode == "free" else self.mode,
-                },
+                "time": {"tick": self.tick, "seconds": float("inf"), "mode": mode},
                 "board": {**board, "period": self.tick},
-                "robot": {
-                    "patience": self.patience,
-                    "odometry": ODOMETRY,
-                    "send": send,
-                },
+                "robot": {"patience": self.patience, "odometry": ODOMETRY, "send": send},
                 "world": {
                     "seed": seed,
                     "speed": SPEED,

@@ -63,14 +63,7 @@ NIGHTS = {
 @pytest.mark.parametrize("name", NIGHTS)
 def test_a_bug_is_noticed_in_the_night_that_it_takes(name: str) -> None:
     assert live(NIGHTS[name]) is None
-    assert breaks(BUGS[name], NIGHTS[name]).startswith(
-        ("SomebodySpeaks", "TheNewestCounts", "NobodyWaits", "NobodyDies", "EarlyIsTaken", "NothingGrows")
-        + (
-            "EarlyIsKept",
-            "GainsAddUp",
-            "EvidenceCountsOnce",
-            "NothingIsFromLater",
-            "LateAreWaitedForAgain",
-            "SightingsAreJudged",
-        )
-    )
+    assert breaks(BUGS[name], NIGHTS[name]).startswith((
+        "SomebodySpeaks", "TheNewestCounts", "NobodyWaits", "NobodyDies", "EarlyIsTaken", "NothingGrows", "EarlyIsKept",
+        "GainsAddUp", "EvidenceCountsOnce", "NothingIsFromLater", "LateAreWaitedForAgain", "SightingsAreJudged",
+    ))  # fmt: skip

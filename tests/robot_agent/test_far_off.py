@@ -35,22 +35,11 @@ def course(seed: int, askew: float = 0.0) -> tuple[float, float]:
             dx, dy = place - pose[:2]
             bearing = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
             if abs(bearing) < VIEW and math.hypot(dx, dy) < REACH:
-                told = {
-                    "range": math.hypot(dx, dy) + rng.normal(0.0, 0.1),
-                    "bearing": bearing + askew + rng.normal(0.0, 0.03),
-                }
-                seen.append(Sighting(subject=name, landmark=tuple(place), range_sigma=0.1, bearing_sigma=0.03, **told))
-        robot.step(
-            Readings(
-                run="r",
-                robot="r1",
-                tick=tick,
-                time=tick * DT,
-                odometry=odometry,
-                sightings=seen,
-                fix=None if tick else fix,
-            )
-        )
+                far, aside = math.hypot(dx, dy) + rng.normal(0.0, 0.1), bearing + askew + rng.normal(0.0, 0.03)
+                sigmas = {"range_sigma": 0.1, "bearing_sigma": 0.03}
+                seen.append(Sighting(subject=name, landmark=tuple(place), range=far, bearing=aside, **sigmas))
+        told = {"odometry": odometry, "sightings": seen, "fix": None if tick else fix}
+        robot.step(Readings(run="r", robot="r1", tick=tick, time=tick * DT, **told))
         if tick * DT >= SETTLED and robot.belief is not None:
             off = robot.belief.mean[:2] - pose[:2]
             squared.append(float(off @ off))

@@ -116,17 +116,8 @@ COMMANDS = [
     ("", sim_world.__main__.app, "seed seconds realtime series mrclam start protocol json"),
     ("score", blackboard.__main__.app, "seconds mrclam start protocol json"),
 ]
-VALUES = {
-    "seed": "1",
-    "seconds": "1",
-    "mrclam": "x",
-    "start": "1",
-    "protocol": "x",
-    "robots": "2",
-    "rule": "linear",
-    "series": "x.csv",
-    "table": "x.parquet",
-}
+VALUES = dict.fromkeys(("seed", "seconds", "mrclam", "start", "protocol"), "1")
+VALUES |= {"robots": "2", "rule": "linear", "series": "x.csv", "table": "x.parquet"}
 
 
 @pytest.mark.parametrize(("command", "app", "flags"), COMMANDS, ids=["demo", "up", "lab", "tune", "sim-world", "score"])

@@ -52,19 +52,8 @@ def test_the_golden_tape_is_small_and_replayed(capsys: pytest.CaptureFixture[str
 
 
 def test_what_if_shows_what_was_recorded_beside_it(capsys: pytest.CaptureFixture[str]) -> None:
-    report = as_json(
-        capsys,
-        "replay",
-        GOLDEN,
-        "--set",
-        "board.gamma=0.3",
-        "--without",
-        "r3",
-        "--rule",
-        "cooperative",
-        "--loss",
-        "0.1",
-    )
+    changes = "--set board.gamma=0.3 --without r3 --rule cooperative --loss 0.1"
+    report = as_json(capsys, "replay", GOLDEN, *changes.split())
     assert report["changes"] == {"without": ["r3"], "rule": "cooperative", "set": ["board.gamma=0.3"], "loss": 0.1}
     assert report["recorded"]["hash"] == HASH
     assert rmse(report["unchanged"]) == pytest.approx(rmse(report["recorded"]), abs=1e-4)

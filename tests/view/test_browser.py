@@ -80,6 +80,15 @@ def look(chromium: Browser) -> Iterator[Callable[[str], Browser]]:
     assert asked == hosts
 
 
+@pytest.fixture
+def taped(look: Callable[[str], Browser]) -> Iterator[Browser]:
+    """The page of the golden tape, all of which it has read."""
+    with served(TapeFeed(read(GOLDEN)), "demo") as url:
+        page = look(url)
+        page.wait("page.state.done && page.state.shown.name")
+        yield page
+
+
 def check_shown(page: Browser, moment: Moment) -> None:
     """The page draws this moment: each agreed belief's peak, and a contour around the truth where it is in the region."""
     for name, about in moment.subjects.items():
@@ -99,70 +108,53 @@ def around(pieces: np.ndarray, x: float, y: float) -> bool:
     return within(pieces, x, y) or float(np.min(np.hypot(pieces[:, 0] - x, pieces[:, 1] - y))) < 0.75
 
 
-def test_a_tape_is_shown_from_its_beginning_and_scrubbed(look: Callable[[str], Browser]) -> None:
+def test_a_tape_is_shown_from_its_beginning_and_scrubbed(taped: Browser) -> None:
     moments = list(golden_team().moments)
-    with served(TapeFeed(read(GOLDEN)), "demo") as url:
-        page = look(url)
-        page.wait("page.state.done && page.state.shown.name")
-        assert page.get("page.history.moments.map((it) => it.tick)") == [moment.tick for moment in moments]
-        assert page.get("page.state.shown.tick") == moments[0].tick
-        for place in (9, 3, len(moments) - 1):
-            page.get(
-                f"(() => {{ const it = document.getElementById('scrub'); it.value = {place}; it.oninput({{ target: it }}); }})()"
-            )
-            page.wait(
-                f"page.state.shown.tick === {moments[place].tick} && page.state.shown.chosen === page.state.subject"
-            )
-            check_shown(page, moments[place])
-        page.get("[...document.querySelectorAll('#subjects button')].find((it) => it.title === 'robot/r1').click()")
-        page.wait("page.state.shown.chosen === 'robot/r1' && document.getElementById('matrix').children.length >= 2")
-        assert "tick=" in page.get("location.hash")
+    assert taped.get("page.history.moments.map((it) => it.tick)") == [moment.tick for moment in moments]
+    assert taped.get("page.state.shown.tick") == moments[0].tick
+    for place in (9, 3, len(moments) - 1):
+        taped.get(
+            f"(() => {{ const it = document.getElementById('scrub'); it.value = {place}; it.oninput({{ target: it }}); }})()"
+        )
+        taped.wait(f"page.state.shown.tick === {moments[place].tick} && page.state.shown.chosen === page.state.subject")
+        check_shown(taped, moments[place])
+    taped.get("[...document.querySelectorAll('#subjects button')].find((it) => it.title === 'robot/r1').click()")
+    taped.wait("page.state.shown.chosen === 'robot/r1' && document.getElementById('matrix').children.length >= 2")
+    assert "tick=" in taped.get("location.hash")
 
 
-def test_a_time_that_is_typed_is_gone_to(look: Callable[[str], Browser]) -> None:
+def test_a_time_that_is_typed_is_gone_to(taped: Browser) -> None:
     moments = list(golden_team().moments)
-    with served(TapeFeed(read(GOLDEN)), "demo") as url:
-        page = look(url)
-        page.wait("window.page.state.done")
-        middle = moments[len(moments) // 2]
-        page.get(f"""(() => {{ const it = document.getElementById("moment"); it.focus(); it.value = "{middle.time + 0.01:.2f}s";
-            it.dispatchEvent(new KeyboardEvent("keydown", {{ key: "Enter", bubbles: true }})); }})()""")
-        page.wait(f"window.page.state.shown?.tick === {middle.tick}")
-        page.wait(f'document.getElementById("moment").value === "{middle.time:.1f} s"')
+    middle = moments[len(moments) // 2]
+    taped.get(f"""(() => {{ const it = document.getElementById("moment"); it.focus(); it.value = "{middle.time + 0.01:.2f}s";
+        it.dispatchEvent(new KeyboardEvent("keydown", {{ key: "Enter", bubbles: true }})); }})()""")
+    taped.wait(f"window.page.state.shown?.tick === {middle.tick}")
+    taped.wait(f'document.getElementById("moment").value === "{middle.time:.1f} s"')
 
 
-def test_labels_of_things_at_one_place_stand_below_each_other(look: Callable[[str], Browser]) -> None:
-    with served(TapeFeed(read(GOLDEN)), "demo") as url:
-        page = look(url)
-        page.wait("window.page")
-        heights = "(() => { const all = []; return [1, 2, 3].map(() => window.page.apart(all, 50, 60, 20)); })()"
-        assert len({round(height / 14) for height in page.get(heights)}) == 3
-        assert page.get("window.page.apart([{ x: 0, y: 60, width: 20 }], 50, 60, 20)") == 60
+def test_labels_of_things_at_one_place_stand_below_each_other(taped: Browser) -> None:
+    heights = "(() => { const all = []; return [1, 2, 3].map(() => window.page.apart(all, 50, 60, 20)); })()"
+    assert len({round(height / 14) for height in taped.get(heights)}) == 3
+    assert taped.get("window.page.apart([{ x: 0, y: 60, width: 20 }], 50, 60, 20)") == 60
 
 
-def test_charts_show_the_seconds_around_the_moment(look: Callable[[str], Browser]) -> None:
+def test_charts_show_the_seconds_around_the_moment(taped: Browser) -> None:
     times = [moment.time for moment in golden_team().moments]
     seconds = times[6] - times[0]
-    with served(TapeFeed(read(GOLDEN)), "demo") as url:
-        page = look(url)
-        page.wait("page.state.done && page.state.shown.name")
-        for at, first in ((0, 0), (5, 2), (8, 5), (len(times) - 1, len(times) - 7)):
-            around = page.get(f"page.history.around({times[at]}, {seconds}).map((it) => it.time)")
-            assert around == pytest.approx(times[first : first + 7])
+    for at, first in ((0, 0), (5, 2), (8, 5), (len(times) - 1, len(times) - 7)):
+        around = taped.get(f"page.history.around({times[at]}, {seconds}).map((it) => it.time)")
+        assert around == pytest.approx(times[first : first + 7])
 
 
-def test_a_tape_is_played_at_a_speed_to_its_end(look: Callable[[str], Browser]) -> None:
+def test_a_tape_is_played_at_a_speed_to_its_end(taped: Browser) -> None:
     last = list(golden_team().moments)[-1]
-    with served(TapeFeed(read(GOLDEN)), "demo") as url:
-        page = look(url)
-        page.wait("page.state.done && page.state.shown.name")
-        for _ in range(3):
-            page.press("+")
-        assert page.get("page.state.speed") == 10
-        page.press(" ")
-        page.wait(f"!page.state.playing && page.state.shown.tick === {last.tick}")
-        page.press("Home")
-        page.wait("page.state.shown.tick === page.history.moments[0].tick")
+    for _ in range(3):
+        taped.press("+")
+    assert taped.get("page.state.speed") == 10
+    taped.press(" ")
+    taped.wait(f"!page.state.playing && page.state.shown.tick === {last.tick}")
+    taped.press("Home")
+    taped.wait("page.state.shown.tick === page.history.moments[0].tick")
 
 
 def test_a_link_leads_to_a_moment_and_its_reasons(look: Callable[[str], Browser]) -> None:
@@ -242,27 +234,24 @@ def test_alarms_that_are_over_are_one_card(look: Callable[[str], Browser]) -> No
         page.wait(f"{alarms}.length === 0")
 
 
-def test_the_map_is_zoomed_moved_and_its_layers_hidden(look: Callable[[str], Browser]) -> None:
-    with served(TapeFeed(read(GOLDEN)), "demo") as url:
-        page = look(url)
-        page.wait("page.state.done && page.state.shown")
-        page.press("z")
-        page.press("z")
-        page.wait("page.state.zoom === 2.25 && page.state.centre")
-        page.get(
-            "document.getElementById('map').dispatchEvent(new WheelEvent('wheel', {deltaY: -500, clientX: 99, clientY: 199}))"
-        )
-        page.wait("page.state.zoom > 4")
-        page.press("a")
-        page.wait("page.state.zoom === 1 && page.state.centre === null")
-        drawn = "document.getElementById('map').toDataURL()"
-        page.get("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-        whole = page.get(drawn)
-        button = "document.querySelector('.legend [data-layer=belief]')"
-        page.get(f"{button}.click()")
-        page.wait(f"{button}.getAttribute('aria-pressed') === 'false' && {drawn} !== {whole!r}")
-        page.get(f"{button}.click()")
-        page.wait(f"{drawn} === {whole!r}")
+def test_the_map_is_zoomed_moved_and_its_layers_hidden(taped: Browser) -> None:
+    taped.press("z")
+    taped.press("z")
+    taped.wait("page.state.zoom === 2.25 && page.state.centre")
+    taped.get(
+        "document.getElementById('map').dispatchEvent(new WheelEvent('wheel', {deltaY: -500, clientX: 99, clientY: 199}))"
+    )
+    taped.wait("page.state.zoom > 4")
+    taped.press("a")
+    taped.wait("page.state.zoom === 1 && page.state.centre === null")
+    drawn = "document.getElementById('map').toDataURL()"
+    taped.get("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    whole = taped.get(drawn)
+    button = "document.querySelector('.legend [data-layer=belief]')"
+    taped.get(f"{button}.click()")
+    taped.wait(f"{button}.getAttribute('aria-pressed') === 'false' && {drawn} !== {whole!r}")
+    taped.get(f"{button}.click()")
+    taped.wait(f"{drawn} === {whole!r}")
 
 
 def test_a_live_page_goes_back_and_returns_to_now(look: Callable[[str], Browser]) -> None:

@@ -24,19 +24,8 @@ SECTIONS: dict[str, type[Section]] = {
     "world": WorldSection,
 }
 WRONG: tuple[object, ...] = (
-    None,
-    "?!",
-    -1e99,
-    1e99,
-    float("nan"),
-    [],
-    ["x"],
-    [1, 2, 3],
-    {"x y": 1},
-    {"x": {"y": 2}},
-    True,
-    b"bytes",
-)
+    None, "?!", -1e99, 1e99, float("nan"), [], ["x"], [1, 2, 3], {"x y": 1}, {"x": {"y": 2}}, True, b"bytes",
+)  # fmt: skip
 PYDANTIC = re.compile(
     r"should|Extra inputs|Field required|Value error|validation error|type=|pydantic|unable to|another value", re.I
 )
