@@ -22,6 +22,7 @@ from programs import program
 from ratios import Measured, show
 
 from blackboard import Grid
+from blackboard.config import Scenario
 from blackboard.net.link import Link
 from blackboard.net.settings import LinkConfig
 from blackboard.opinion.belief import gaussian
@@ -165,11 +166,9 @@ def rows() -> Iterator[Measured]:
     for side, hertz in ((50, 20.0), (200, 5.0)):
         with ExitStack() as stack:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            scenario = folder / "bench.toml"
-            robots = ", ".join(f'"{robot}"' for robot in ROBOTS)
-            scenario.write_text(
-                f'[team]\nname = "bench"\nsub_teams = {{a = [{robots}]}}\n[grid]\nshape = [{side}, {side}]\n'
-            )
+            scenario = folder / "bench.json"
+            team_table = {"name": "bench", "sub_teams": {"a": ROBOTS}}
+            scenario.write_text(Scenario({"team": team_table, "grid": {"shape": [side, side]}}).to_json())
             endpoint = f"tcp/127.0.0.1:{free_port()}"
             stack.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
             board = stack.enter_context(

@@ -5,7 +5,6 @@ at the end are those by which `blackboard plan` reckons: the a and b of a n + b 
 """
 
 import argparse
-import json
 import tempfile
 import time
 from collections.abc import Mapping
@@ -50,11 +49,8 @@ def cost(robots: int, fusion: str) -> Cost:
     crew, endpoint = alone.robots["fleet"], f"tcp/127.0.0.1:{free_port()}"
     assert isinstance(crew.inner, Voice)
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        file = Path(folder) / "fleet.toml"
-        tables = recording.scenario.tables
-        file.write_text(
-            "\n".join(f"[{section}]\n" + _toml(tables[section], "\n") for section in ("team", "grid", "board"))
-        )
+        file = Path(folder) / "fleet.json"
+        file.write_text(recording.scenario.to_json())
         router = stack.enter_context(program("-m", "blackboard", "router", "-l", endpoint))
         serve = ("-m", "blackboard", "serve", "--scenario", str(file), "--sub-team", "a", "-e", endpoint)
         board = stack.enter_context(program(*serve))
@@ -82,14 +78,6 @@ def _play(link: Link, said: Said, begin: float) -> int:
             settled += sum(answer.kind is Kind.PUT for answer in link.receive(left))
         link.send(envelope)
     return settled
-
-
-def _toml(value: object, between: str = ", ") -> str:
-    """What stands in a table of a scenario, or with braces a value in it."""
-    if not isinstance(value, dict):
-        return json.dumps(value)
-    text = between.join(f"{key} = {_toml(item)}" for key, item in value.items())
-    return text if between == "\n" else f"{{{text}}}"
 
 
 def fitted(costs: Mapping[int, float]) -> tuple[float, float]:

@@ -9,18 +9,18 @@ the sightings of all robots; its growth is by their number.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from fleet import Counted
 from ratios import Measured, show
 
-from blackboard.board.service import BoardService
 from blackboard.config import Scenario, load
 from blackboard.lab.team import InProcessTeam
 from blackboard.opinion.gaussian.once import settle_alone
 from blackboard.wire import keys
-from blackboard.wire.codec import decode, open_envelope
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Readings
 
@@ -63,32 +63,12 @@ def tick(scenario: Scenario) -> Tick:
 def board_tick(scenario: Scenario) -> float:
     """Milliseconds of processor time a tick of one board, the mean of the two, which share no work as they would in one process."""
     team = InProcessTeam(scenario, settle=settle_alone)
-    spent = [stopwatch(board) for board in team.boards.values()]
+    boards = [Counted(board) for board in team.boards.values()]
+    for board in boards:
+        team.leave(board.inner)
+        team.join(board)
     ticks = team.run()["ticks"]
-    return 1e3 * sum(map(sum, spent)) / len(spent) / float(ticks)
-
-
-def stopwatch(board: BoardService) -> list[float]:
-    """The seconds of processor time of each call of a board from now on; it opens each message by itself."""
-    spent: list[float] = []
-
-    def timed(call: Callable[..., list[Envelope]]) -> Callable[..., list[Envelope]]:
-        def measured(*arguments: object) -> list[Envelope]:
-            begin = time.process_time()
-            out = call(*arguments)
-            spent.append(time.process_time() - begin)
-            return out
-
-        return measured
-
-    receive, board.wake = timed(board.receive), timed(board.wake)  # type: ignore[method-assign]
-
-    def receive_bytes(envelope: Envelope, now: float) -> list[Envelope]:
-        open_envelope.cache_clear()
-        return receive(Envelope(envelope.key, envelope.payload, envelope.kind), now)
-
-    board.receive = receive_bytes  # type: ignore[method-assign]
-    return spent
+    return 1e3 * sum(board.spent.seconds for board in boards) / len(boards) / float(ticks)
 
 
 def growth(measured: Sequence[tuple[float, float]]) -> float:
