@@ -85,8 +85,7 @@ def rows() -> Iterator[Measured]:
         for robots in ROBOTS[1:]:
             share, cost = robots / FIRST, measured[robots]
             yield Measured(
-                f"a tick of {robots} robots / {share:g} times that of {FIRST}, {where}",
-                cost.ms / first.ms / share,
+                f"a tick of {robots} robots / {share:g} times that of {FIRST}, {where}", cost.ms / first.ms / share
             )
             yield Measured(f"its messages / {share:g} times those of {FIRST}", cost.messages / first.messages / share)
             yield Measured(f"its sightings / {share:g} times those of {FIRST}", cost.seen / first.seen / share)

@@ -101,10 +101,7 @@ def rows() -> Iterator[Measured]:
     said = encode(report("r1"))
     raw64, raw32 = sent.p.tobytes(), sent.p.astype(np.float32).tobytes()
     for coding in CODINGS:
-        size, loss = (
-            len(encode(report("r1", coding=coding))),
-            kullback_leibler(sent.p, unpack(pack(sent, coding)).p),
-        )
+        size, loss = (len(encode(report("r1", coding=coding))), kullback_leibler(sent.p, unpack(pack(sent, coding)).p))
         yield Measured(f"bytes of a Report of a Gaussian of sigma 5, {coding}", size, "bytes", most=700.0)
         yield Measured(f"what is lost of it (Kullback-Leibler), {coding}", loss, "nats", most=1e-4)
         sizes, losses = zip(*elsewhere(coding), strict=True)

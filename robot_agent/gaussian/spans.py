@@ -59,10 +59,7 @@ class Span:
 
     def __post_init__(self) -> None:
         along, heading, across = self.given
-        self.kinds = {
-            "along": NoiseFactor(self.least[0], along),
-            "heading": NoiseFactor(self.least[1], heading),
-        }
+        self.kinds = {"along": NoiseFactor(self.least[0], along), "heading": NoiseFactor(self.least[1], heading)}
         self._together = NoiseFactors(tuple(self.kinds.values()))
         if not across:
             self.kinds["across"] = NoiseFactor(1.0)

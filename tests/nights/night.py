@@ -367,10 +367,7 @@ MAKERS: tuple[tuple[Callable[[Team], bool], tuple[Maker, ...]], ...] = (
     ),
     (
         lambda team: team.mode != "free",
-        (
-            lambda draw, team: faults.WorldKilled(*span(draw, 6.0)),
-            lambda draw, team: faults.SecondWorld(*span(draw)),
-        ),
+        (lambda draw, team: faults.WorldKilled(*span(draw, 6.0)), lambda draw, team: faults.SecondWorld(*span(draw))),
     ),
     (lambda team: team.boards > 1, (hung,)),
     (lambda team: len(team.robots) >= 3, (lies,)),

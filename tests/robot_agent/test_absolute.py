@@ -81,11 +81,7 @@ class Course:
 
 
 def drive(
-    sensor: Sensor,
-    claimed: float = CLAIMED,
-    seeds: tuple[int, ...] = SEEDS,
-    seconds: float = 60.0,
-    every: int = EVERY,
+    sensor: Sensor, claimed: float = CLAIMED, seeds: tuple[int, ...] = SEEDS, seconds: float = 60.0, every: int = EVERY
 ) -> Course:
     """Robots that drive about alone, each with a start, wheels that nobody described, and such a sensor."""
     errors, places, headings, named, robot = [], [], [], [], FirstHand("robot/r1")

@@ -9,14 +9,7 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.belief import Belief, gaussian, shift, uniform
 from blackboard.opinion.grid import Grid
-from robot_agent.raster import (
-    LEAST_COMMON_MASS,
-    log_ratio,
-    sampled,
-    shifted,
-    squared_distance,
-    with_outlier,
-)
+from robot_agent.raster import LEAST_COMMON_MASS, log_ratio, sampled, shifted, squared_distance, with_outlier
 from tests.present import present
 
 GRID = Grid((9, 7))

@@ -214,13 +214,7 @@ def test_without_a_world_statuses_count_too() -> None:
     """20 s at 10 Hz on the robot's own clock: reports and statuses together are within its share of the rate."""
     send = SendSection(rate=10.0)
     robot = AgentService(
-        team="t",
-        sub_teams=("a",),
-        robot="r1",
-        grid=GRID,
-        settings=RobotSection(send=send),
-        joint=True,
-        robots=5,
+        team="t", sub_teams=("a",), robot="r1", grid=GRID, settings=RobotSection(send=send), joint=True, robots=5
     )
     out = robot.receive(token(keys.BOARD, "board-a"), NOW)
     for tick in range(200):

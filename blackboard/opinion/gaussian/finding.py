@@ -88,10 +88,7 @@ def _most_contradicted(team: TeamState) -> Found | None:
         for robot in filter(team.knows, sorted(team.known))
         if (
             error := contradicted(
-                team.joint.moments(robot),
-                team.entered[robot],
-                team.known[robot].nuisance,
-                team.widened.get(robot, ()),
+                team.joint.moments(robot), team.entered[robot], team.known[robot].nuisance, team.widened.get(robot, ())
             )
         )
     ]

@@ -31,11 +31,7 @@ STANDARD = Moments(np.zeros(1), np.eye(1))  # of a lasting error
 
 
 def linearise(
-    joint: Joint,
-    sighting: Relative,
-    motions: Mapping[str, Motion],
-    place: Array | None = None,
-    at: Array | None = None,
+    joint: Joint, sighting: Relative, motions: Mapping[str, Motion], place: Array | None = None, at: Array | None = None
 ) -> Factor:
     """One sighting alone, as `linearise_all` does it.
 

@@ -329,12 +329,7 @@ class TeamJoint(TeamState):
         along = lately * even.along + (UNSTEADY * even.way) ** 2
         alone = Joint()
         alone.add(robot, self.joint.moments(robot))
-        drive(
-            alone,
-            robot,
-            replace(turning, along=along, across=even.across + (UNSTEADY * even.way) ** 2),
-            Nuisance(),
-        )
+        drive(alone, robot, replace(turning, along=along, across=even.across + (UNSTEADY * even.way) ** 2), Nuisance())
         after = alone.moments(robot)
         return Moments(after.mean[AXES], after.covariance[AXES, AXES])
 

@@ -180,14 +180,7 @@ def test_an_object_that_was_placed_absurdly_far_away_is_where_the_next_robot_see
     assert off(team, BALL, HERE) < 0.3
 
 
-@pytest.mark.parametrize(
-    "vague",
-    [
-        {"range_variance": 1e12},
-        {"bearing_variance": 1e12},
-        {"biases": (Bias(1e6, 5.0),)},
-    ],
-)
+@pytest.mark.parametrize("vague", [{"range_variance": 1e12}, {"bearing_variance": 1e12}, {"biases": (Bias(1e6, 5.0),)}])
 def test_who_sees_an_object_that_was_placed_absurdly_vaguely_is_not_to_blame(vague: dict[str, Any]) -> None:
     """Before, the walk of the object lost all digits, and the honest robot's sighting was refused as what leaves no Gaussian."""
     team = new_team()

@@ -69,8 +69,7 @@ def run(lies: Callable[[TeamJoint], list[tuple[Relative, ...]]]) -> TeamJoint:
 
 
 @pytest.mark.parametrize(
-    ("kind", "biases"),
-    [("range-bearing", ()), ("range", ()), ("bearing", ()), ("range-bearing", (Bias(1.0, 60.0),))],
+    ("kind", "biases"), [("range-bearing", ()), ("range", ()), ("bearing", ()), ("range-bearing", (Bias(1.0, 60.0),))]
 )
 def test_who_sees_its_mates_where_the_team_has_them_makes_it_no_surer(kind: Kind, biases: tuple[Bias, ...]) -> None:
     """Before, a mate's standard deviation fell to .6 of what it is without the liar."""

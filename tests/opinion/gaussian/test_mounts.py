@@ -51,11 +51,7 @@ def heading(team: TeamJoint, robot: str = ROBOT) -> tuple[float, float]:
     return float(block.mean[HEADING]), float(block.covariance[HEADING, HEADING])
 
 
-@given(
-    own=st.floats(1e-6, 1.0),
-    variance=st.floats(1e-6, 3.0),
-    tie=st.floats(-1e6, 1e6),
-)
+@given(own=st.floats(1e-6, 1.0), variance=st.floats(1e-6, 3.0), tie=st.floats(-1e6, 1e6))
 def test_an_error_that_the_heading_rests_on_leaves_the_robot_as_it_was(own: float, variance: float, tie: float) -> None:
     joint, mount = standing(variance=variance), compass_of(ROBOT)
     add_with_heading(joint, mount, Moments(np.zeros(1), np.array([[own]])), tie)
