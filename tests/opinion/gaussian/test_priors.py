@@ -53,6 +53,14 @@ def with_wide(state: int) -> Nuisance:
     return replace(NARROW, sigmas=tuple(sigmas))
 
 
+def with_errors(evidence: Evidence, nuisance: Nuisance) -> Evidence:
+    """The evidence of a robot whose sensors err as this model says, from its entry on."""
+    belief = evidence.belief
+    if belief is not None:
+        belief = entering(Moments(belief.mean[:3], belief.covariance[:3, :3]), nuisance)
+    return replace(evidence, nuisance=nuisance, belief=belief)
+
+
 def measured(seed: int, state: int, off: float, nuisance: Nuisance) -> Joint:
     """Two robots after some linear measurements of random sums of their states, of which one is `off` its prior mean."""
     rng, joint = np.random.default_rng(seed), Joint()
@@ -200,10 +208,8 @@ def test_whatever_contradicts_a_model_moves_mates_no_farther_than_an_honest_robo
     left = sigma**2 * rng.uniform(0.01, 0.9)
     team.known[LIAR], team.entered[LIAR] = replace(team.known[LIAR], nuisance=NARROW), USUAL
     at, mate = joint.blocks[LIAR].start + state, joint.blocks[mates[0]].start
-    for certain in (
-        at,
-        *(joint.blocks[robot].start + HEADING for robot in PLACES),
-    ):  # so that no place turns with a heading
+    headings = [joint.blocks[robot].start + HEADING for robot in PLACES]
+    for certain in (at, *headings):  # so that no place turns with a heading
         joint.covariance[certain] = joint.covariance[:, certain] = 0.0
     joint.covariance[at, at] = left
     joint.covariance[at, mate] = joint.covariance[mate, at] = tie * np.sqrt(left * joint.variances[mate])
@@ -232,12 +238,7 @@ def test_boards_find_how_far_a_camera_is_mounted_askew_and_say_so(askew: float, 
                 dx, dy = PLACES[mate] - place
                 bearing = np.arctan2(dy, dx) + rng.normal(0.0, 0.03) + askew * (robot == LIAR)
                 seen.append(Relative(robot, mate, np.hypot(dx, dy) + rng.normal(0.0, 0.1), bearing, 0.01, 0.03**2))
-            told.append(replace(says(robot, tick, tuple(seen)), nuisance=NARROW))
-            if told[-1].belief is not None:
-                belief = told[-1].belief
-                told[-1] = replace(
-                    told[-1], belief=entering(Moments(belief.mean[:3], belief.covariance[:3, :3]), NARROW)
-                )
+            told.append(with_errors(says(robot, tick, tuple(seen)), NARROW))
         team.settle(tick, 1.0, told)
     found = {robot: errors_found(team, robot) for robot in PLACES if errors_found(team, robot)}
     assert found == ({LIAR: {"bearing bias found (rad)": pytest.approx(askew, abs=0.03)}} if askew else {})
@@ -327,11 +328,7 @@ def circle(seed: int, times: Mapping[str, float], exact: float = 0.3) -> TeamJoi
                 dx, dy = PLACES[mate] - place
                 away = times.get(robot, 1.0) * np.hypot(dx, dy) + rng.normal(0.0, sigma)
                 seen.append(Relative(robot, mate, away, np.arctan2(dy, dx) + rng.normal(0.0, 0.05), sigma**2, 0.05**2))
-            evidence = replace(says(robot, tick, tuple(seen)), nuisance=NARROW)
-            if evidence.belief is not None:
-                belief = entering(Moments(evidence.belief.mean[:3], evidence.belief.covariance[:3, :3]), NARROW)
-                evidence = replace(evidence, belief=belief)
-            told.append(evidence)
+            told.append(with_errors(says(robot, tick, tuple(seen)), NARROW))
         team.settle(tick, 1.0, told)
     return team
 
@@ -366,10 +363,7 @@ def test_a_prior_that_half_of_the_robots_contradicted_is_none_of_the_others(seed
 
 def anew(epoch: int, nuisance: Nuisance) -> Evidence:
     """What the liar says when it starts its filter again."""
-    evidence = replace(says(LIAR, 0), epoch=epoch, tick=11 + epoch, nuisance=nuisance)
-    assert evidence.belief is not None
-    pose = Moments(evidence.belief.mean[:3], evidence.belief.covariance[:3, :3])
-    return replace(evidence, belief=entering(pose, nuisance))
+    return with_errors(replace(says(LIAR, 0), epoch=epoch, tick=11 + epoch), nuisance)
 
 
 @pytest.mark.parametrize("is_same", [True, False])
