@@ -12,6 +12,7 @@ import numpy as np
 from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import Sensors
+from tests.robot_agent.robots import measured
 
 LANDMARKS = [(-2.0, -2.0), (8.0, -2.0), (8.0, 8.0), (-2.0, 8.0), (3.0, 11.0), (3.0, -5.0)]
 #: What is commanded, second by second, again and again: ways (unit) and turns (radians); straight ways, curves and spins.
@@ -59,7 +60,7 @@ def readings(tick: int, way: float, turn: float, sightings: list[Sighting]) -> R
     told: dict[str, Any] = {"odometry": Odometry(distance=way, turn=turn, dt=1.0)}
     if not tick:
         told = {"fix": Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)}
-    return Readings(run="a", robot="r1", tick=tick, time=float(tick), sightings=sightings, **told)
+    return measured(tick, sightings=sightings, **told)
 
 
 class Drive:

@@ -59,6 +59,11 @@ def readings(
     )
 
 
+def measured(tick: int, **what: object) -> Readings:
+    """What r1 measures in a tick of a second, or at the `time` that is given."""
+    return Readings.model_validate({"run": "x", "robot": "r1", "tick": tick, "time": float(tick), **what})
+
+
 def agreed(
     tick: int, belief: Belief, subject: str = "robot/r1", ancestors: Iterable[str] = ("r1", "r2")
 ) -> dict[str, TeamBelief]:
@@ -81,3 +86,9 @@ def sight_of(pose: Pose, name: str, place: tuple[float, float], landmark: bool =
     bearing = math.remainder(math.atan2(dy, dx) - pose[2], math.tau)
     known = place if landmark else None
     return Sighting(subject=name, range=math.hypot(dx, dy), bearing=bearing, landmark=known, age=age)
+
+
+def standing(tick: int, pose: Pose, landmarks: Mapping[str, tuple[float, float]], **what: object) -> Readings:
+    """What r1 measures in a second in which it stands at a pose and sees these landmarks."""
+    sightings = [sight_of(pose, name, place) for name, place in landmarks.items()]
+    return measured(tick, odometry=Odometry(distance=0.0, turn=0.0, dt=1.0), sightings=sightings, **what)

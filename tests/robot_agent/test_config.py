@@ -14,14 +14,15 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.run.overrides import with_settings
 from blackboard.wire.evidence import Seen
-from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from blackboard.wire.messages import Fix, Odometry, Sighting
 from robot_agent.agent import Agent
 from robot_agent.config import OdometrySection, RobotSection, check_robots, settings_of
 from robot_agent.gaussian.sensors import sensors_of
-from tests.robot_agent.robots import agreed
+from tests.robot_agent.robots import agreed, measured
 from tests.scenarios import keys_of
 
 GRID = Grid((40, 36), 0.5)
+START = Fix(position=(7.0, 9.0), sigma=0.6, heading=0.1, heading_sigma=0.1)
 
 #: Where each key matters: the localizer and the sensor model, and another value than the default.
 PRINTED, CAMERA, POSE = ("position", "position"), ("position", "range-bearing"), ("pose", "range-bearing")
@@ -97,16 +98,8 @@ def story(section: RobotSection) -> list[np.ndarray]:
             Sighting(subject="object/ball", range=6.0 - 0.95 * tick, bearing=-0.2 - 0.2 * tick),
             Sighting(subject="robot/r2", range=5.0, bearing=0.1),
         ]
-        readings = Readings(
-            run="x",
-            robot="r1",
-            tick=tick,
-            time=0.5 * tick,
-            odometry=Odometry(distance=1.0 * moving, turn=0.2 * moving, dt=0.5) if tick else None,
-            compass=None,
-            fix=None if tick else Fix(position=(7.0, 9.0), sigma=0.6, heading=0.1, heading_sigma=0.1),
-            sightings=sightings if tick in (0, 2, 3) else [],
-        )
+        told = {"odometry": Odometry(distance=1.0 * moving, turn=0.2 * moving, dt=0.5)} if tick else {"fix": START}
+        readings = measured(tick, time=0.5 * tick, sightings=sightings if tick in (0, 2, 3) else [], **told)
         agent.tick(readings, mate if tick == 2 else {})
         beliefs += [belief.p for e in (agent.firsthand, agent.informed) for _, belief in sorted(e.beliefs().items())]
     return beliefs

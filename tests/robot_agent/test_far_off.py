@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from blackboard.wire.messages import Fix, Odometry, Sighting
 from robot_agent.driven import UNKNOWN_WHEELS
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import Sensors
+from tests.robot_agent.robots import measured
 
 DT, SECONDS, SETTLED = 0.1, 60.0, 15.0
 SEEDS = range(11, 14)
@@ -39,7 +40,7 @@ def course(seed: int, askew: float = 0.0) -> tuple[float, float]:
                 sigmas = {"range_sigma": 0.1, "bearing_sigma": 0.03}
                 seen.append(Sighting(subject=name, landmark=tuple(place), range=far, bearing=aside, **sigmas))
         told = {"odometry": odometry, "sightings": seen, "fix": None if tick else fix}
-        robot.step(Readings(run="r", robot="r1", tick=tick, time=tick * DT, **told))
+        robot.step(measured(tick, time=tick * DT, **told))
         if tick * DT >= SETTLED and robot.belief is not None:
             off = robot.belief.mean[:2] - pose[:2]
             squared.append(float(off @ off))

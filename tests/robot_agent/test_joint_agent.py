@@ -15,14 +15,14 @@ from blackboard.opinion.gaussian.vehicle import AXES, CURVED_TURN, HEADING, STAT
 from blackboard.opinion.grid import Grid
 from blackboard.wire.arrays import unpack
 from blackboard.wire.evidence import PackedState, Seen
-from blackboard.wire.messages import Odometry, Readings, Report, Sighting
+from blackboard.wire.messages import Report, Sighting
 from robot_agent.agent import TeamBelief
 from robot_agent.config import RobotSection, settings_of
 from robot_agent.gaussian.agent import JointAgent
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import Sensors
 from tests.present import present
-from tests.robot_agent.robots import BALL, GRID, Pose, by_subject, readings, sight_of
+from tests.robot_agent.robots import BALL, GRID, by_subject, readings, standing
 
 MATE = Sighting(subject="robot/r2", range=6.0, bearing=-0.2)
 
@@ -259,18 +259,6 @@ ARENA = Grid((40, 40), 0.1, (-2.0, -2.0), "m")
 MARKS = {"landmark/1": (1.5, 1.0), "landmark/2": (0.2, -1.6), "landmark/3": (-1.7, 0.4), "landmark/4": (-0.5, 1.8)}
 
 
-def standing(tick: int, pose: Pose) -> Readings:
-    """A robot that stands, without a compass, and sees four landmarks."""
-    return Readings(
-        run="x",
-        robot="r1",
-        tick=tick,
-        time=float(tick),
-        odometry=Odometry(distance=0.0, turn=0.0, dt=1.0) if tick else None,
-        sightings=[sight_of(pose, name, place) for name, place in MARKS.items()],
-    )
-
-
 def test_a_robot_that_knows_nothing_looks_on_a_grid_and_hands_over_and_back() -> None:
     settings = RobotSection.model_validate(
         {"localizer": "pose", "headings": 36, "vision": {"kind": "range-bearing"}, "odometry": {"turn": 0.02}}
@@ -279,7 +267,7 @@ def test_a_robot_that_knows_nothing_looks_on_a_grid_and_hands_over_and_back() ->
     there, elsewhere = (0.3, 0.2, 0.7), (-0.8, -0.9, -2.0)
     reported = []
     for tick in range(24):
-        reports, _ = agent.tick(standing(tick, there if tick < 9 else elsewhere), {})
+        reports, _ = agent.tick(standing(tick, there if tick < 9 else elsewhere, MARKS), {})
         own = by_subject(reports)["robot/r1"]
         assert own.evidence is not None
         reported.append((own.evidence.epoch, own.evidence.state, mean(own)))

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import AXES
-from blackboard.wire.messages import Fix, Odometry, Readings, Sighting
+from blackboard.wire.messages import Fix, Odometry, Sighting
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.sensors import WHEELED, Sensors, Wheels
-from tests.robot_agent.robots import Pose
+from tests.robot_agent.robots import Pose, measured
 
 ROBOT = "robot/r1"
 APART = {"landmark/a": (3.0, 2.0), "landmark/b": (-1.0, 3.0), "landmark/c": (4.0, -2.0), "landmark/d": (-2.0, -2.0)}
@@ -53,13 +53,13 @@ def driven(
     noise, pose = np.random.default_rng(seed), (0.0, -0.5, 0.3)
     robot = FirstHand(ROBOT, Sensors(WITHOUT_SCALE, landmarks=places if known is None else known))
     start = Fix(position=(pose[0] + off, pose[1]), sigma=0.1, heading=pose[2], heading_sigma=0.05)
-    robot.step(Readings(run="x", robot="r1", tick=0, time=0.0, fix=start))
+    robot.step(measured(0, fix=start))
     for tick in range(1, STEPS + 1):
         x, y, heading = pose
         pose = (x + 0.02 * math.cos(heading + 0.01), y + 0.02 * math.sin(heading + 0.01), heading + 0.02)
         sightings = [sighted(pose, name, place, noise, named, with_sigmas) for name, place in places.items()]
         moved = Odometry(distance=0.02 * (1 + 0.1 * noise.normal()), turn=0.02, dt=0.2)
-        robot.step(Readings(run="x", robot="r1", tick=tick, time=0.2 * tick, odometry=moved, sightings=sightings))
+        robot.step(measured(tick, time=0.2 * tick, odometry=moved, sightings=sightings))
     return robot, pose
 
 
@@ -97,10 +97,10 @@ def test_their_order_in_a_frame_changes_nothing(order: list[str], seed: int) -> 
         by_name = {name: sighted((0.1, 0.0, 0.0), name, places[name], noise, named=False) for name in sorted(places)}
         robot = FirstHand(ROBOT, Sensors(landmarks=places))
         fix = Fix(position=(0, 0), sigma=0.2, heading=0.0, heading_sigma=0.1)
-        robot.step(Readings(run="x", robot="r1", tick=0, time=0.0, fix=fix))
+        robot.step(measured(0, fix=fix))
         still = Odometry(distance=0, turn=0, dt=0.2)
         sightings = [by_name[name] for name in names]
-        robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, odometry=still, sightings=sightings))
+        robot.step(measured(1, time=0.2, odometry=still, sightings=sightings))
         beliefs.append(believed(robot))
     assert beliefs[0].mean == pytest.approx(beliefs[1].mean, abs=1e-9)
     assert beliefs[0].covariance == pytest.approx(beliefs[1].covariance, abs=1e-9)
@@ -111,7 +111,7 @@ def test_what_else_has_no_name_keeps_its_number_among_all_that_have_none() -> No
     noise, names = np.random.default_rng(1), ("landmark/a", "landmark/b")
     landmarks = [sighted(pose, name, APART[name], noise, False) for name in names]
     mate = Sighting(subject="robot/?", range=2.0, bearing=0.5)
-    readings = Readings(run="x", robot="r1", tick=STEPS + 1, time=9.0, sightings=[landmarks[0], mate, landmarks[1]])
+    readings = measured(STEPS + 1, time=9.0, sightings=[landmarks[0], mate, landmarks[1]])
     assert [(relative.subject, relative.mark) for relative in robot.step(readings).relatives] == [("robot/?", 1)]
 
 
@@ -128,10 +128,10 @@ def test_a_robot_that_sees_what_is_not_on_its_map_is_not_where_it_believes() -> 
 def test_where_the_robot_does_not_know_where_it_is_they_tell_nothing_and_a_large_map_costs_little() -> None:
     places = {f"landmark/{n}": (float(n % 30), float(n // 30)) for n in range(900)}
     robot, noise = FirstHand(ROBOT, Sensors(landmarks=places)), np.random.default_rng(1)
-    robot.step(Readings(run="x", robot="r1", tick=0, time=0.0, compass=0.0))  # a heading and no place
+    robot.step(measured(0, compass=0.0))  # a heading and no place
     sightings = [sighted((0.1, 0.0, 0.0), name, places[name], noise, named=False) for name in list(places)[:60]]
     still = Odometry(distance=0, turn=0, dt=0.2)
-    robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, compass=0.0, odometry=still, sightings=sightings))
+    robot.step(measured(1, time=0.2, compass=0.0, odometry=still, sightings=sightings))
     assert np.trace(believed(robot).covariance) > 1e5
     assert not robot.mishaps.moved
 
@@ -140,10 +140,10 @@ def test_what_may_be_one_of_two_that_stand_apart_is_not_taken() -> None:
     places = {"landmark/a": (2.0, 1.0), "landmark/b": (2.0, -1.0)}
     robot = FirstHand(ROBOT, Sensors(landmarks=places))
     fix = Fix(position=(0, 0), sigma=0.02, heading=0.0, heading_sigma=0.6)
-    robot.step(Readings(run="x", robot="r1", tick=0, time=0.0, fix=fix))
+    robot.step(measured(0, fix=fix))
     before = believed(robot)
     sightings = [Sighting(subject="landmark/?", range=math.hypot(2, 1), bearing=0.0)]
     still = Odometry(distance=0, turn=0, dt=0.2)
-    robot.step(Readings(run="x", robot="r1", tick=1, time=0.2, odometry=still, sightings=sightings))
+    robot.step(measured(1, time=0.2, odometry=still, sightings=sightings))
     assert believed(robot).mean == pytest.approx(before.mean, abs=1e-9)
     assert np.all(believed(robot).covariance >= before.covariance - 1e-12)

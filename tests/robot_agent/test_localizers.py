@@ -14,7 +14,7 @@ from blackboard.errors import UserError
 from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
-from blackboard.wire.messages import Fix, Readings, Sighting
+from blackboard.wire.messages import Fix, Sighting
 from examples.own_localizer import kalman, main
 from robot_agent.config import RobotSection
 from robot_agent.estimator import Estimator
@@ -23,6 +23,7 @@ from robot_agent.localizers import known_localizers, localizer, localizer_factor
 from robot_agent.pose import PoseLocalizer
 from robot_agent.position import PositionLocalizer
 from robot_agent.sensing import TickMotion
+from tests.robot_agent.robots import measured
 
 GRID = Grid((40, 36), 0.1, (-2.0, -1.8), "m")
 
@@ -52,7 +53,7 @@ def test_a_script_registers_its_own() -> None:
         return unknown.update_with_fix(Fix(position=(0.55, 0.55), sigma=0.1))
 
     estimator = Estimator.begin(named("begins near the origin"), GRID, "r1")
-    readings = Readings(run="x", robot="r1", tick=0, time=0.0, odometry=None, compass=0.0, fix=None, sightings=[])
+    readings = measured(0, compass=0.0)
     assert estimator.advance(readings).localizer.marginal().mean() == pytest.approx((0.55, 0.55), abs=0.01)
     assert "begins near the origin" in known_localizers()
 

@@ -8,12 +8,13 @@ import pytest
 from blackboard.opinion.gaussian.increment import likelihood
 from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.vehicle import POSE, correct, drive
-from blackboard.wire.messages import Odometry, Readings
+from blackboard.wire.messages import Odometry
 from robot_agent.config import OdometrySection
 from robot_agent.gaussian.filter import FilterResult
 from robot_agent.gaussian.own import FEWEST, Given, Independence, of_particles
 from robot_agent.gaussian.sensors import Sensors, wheels_of
 from tests.present import present
+from tests.robot_agent.robots import measured
 
 ROBOT = "robot/r1"
 SENSORS = Sensors(wheels_of(OdometrySection()))
@@ -44,7 +45,7 @@ class Own:
         if not silent:
             self.given.give(Moments(self.mean.copy(), self.covariance.copy()))
         odometry = Odometry(distance=distance, turn=0.0, dt=0.1, **sigmas)
-        return self.given.step(Readings(run="x", robot="r1", tick=self.tick, time=0.1 * self.tick, odometry=odometry))
+        return self.given.step(measured(self.tick, time=0.1 * self.tick, odometry=odometry))
 
 
 def test_what_took_nothing_in_gains_nothing_and_its_noise_is_learned() -> None:
@@ -83,7 +84,7 @@ def test_a_posterior_is_moved_on_by_what_was_driven_after_it() -> None:
         newest = Moments(own.mean.copy(), own.covariance.copy())
         own.given.give(newest, Odometry(distance=0.1, turn=0.0, dt=0.1) if late else None)
         odometry = Odometry(distance=0.2, turn=0.0, dt=0.2)
-        results.append(own.given.step(Readings(run="x", robot="r1", tick=9, time=0.8, odometry=odometry)))
+        results.append(own.given.step(measured(9, time=0.8, odometry=odometry)))
     whole, moved = results
     assert present(moved.belief).mean == pytest.approx(present(whole.belief).mean)
     assert present(moved.increment).information == pytest.approx(present(whole.increment).information, rel=0.05)
@@ -103,7 +104,7 @@ def test_a_filter_that_knows_its_heading_badly_and_takes_nothing_in_gains_nothin
             noise[:2, :2], noise[2, 2] = along * np.outer([c, s], [c, s]), heading
             mean, covariance = mean + [0.05 * c, 0.05 * s, turn], by @ covariance @ by.T + noise
         given.give(Moments(mean.copy(), covariance.copy()))
-        results.append(given.step(Readings(run="x", robot="r1", tick=number, time=0.1 * number, odometry=odometry)))
+        results.append(given.step(measured(number, time=0.1 * number, odometry=odometry)))
     assert all(result.increment is None for result in results)
     assert sum(result.motion.heading for result in results) == pytest.approx(199 * heading, rel=0.05)
     assert sum(result.motion.along for result in results) == pytest.approx(199 * along, rel=0.05)
@@ -169,9 +170,7 @@ def test_without_a_posterior_the_odometry_counts() -> None:
     own = Own()
     own.tell()
     own.given.give(None)
-    result = own.given.step(
-        Readings(run="x", robot="r1", tick=9, time=0.9, odometry=Odometry(distance=0.5, turn=0.0, dt=0.1))
-    )
+    result = own.given.step(measured(9, time=0.9, odometry=Odometry(distance=0.5, turn=0.0, dt=0.1)))
     assert present(result.belief).mean[0] == pytest.approx(1.5)
     assert result.increment is None
 
@@ -233,6 +232,4 @@ def test_odometry_that_nobody_can_have_driven_ends_no_robot(seed: int) -> None:
         root = size * random.normal(size=(3, 3))
         given.give(Moments(np.array([1.0, 2.0, 0.0]), root @ root.T + 1e-9 * np.eye(3)))
         odometry = Odometry(distance=distance, turn=turn, dt=dt)
-        assert (
-            given.step(Readings(run="x", robot="r1", tick=tick, time=0.1 * tick, odometry=odometry)).belief is not None
-        )
+        assert given.step(measured(tick, time=0.1 * tick, odometry=odometry)).belief is not None

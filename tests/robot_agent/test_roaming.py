@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from blackboard.wire.messages import Fix, Readings
+from blackboard.wire.messages import Fix
 from robot_agent.driven import UNKNOWN_WHEELS
 from robot_agent.gaussian.filter import FirstHand
 from robot_agent.gaussian.roaming import APART, SPAN, Roaming
 from robot_agent.gaussian.sensors import Sensors
 from tests.present import present
+from tests.robot_agent.robots import measured
 
 SIGMA, COMPASS = 0.3, 0.05  # unit, radians
 INSIDE_95 = 5.991  # chi-squared
@@ -30,7 +31,7 @@ def alone(speed: float, every: float, seed: int) -> tuple[np.ndarray, np.ndarray
         }
         if step % round(10 * every) == 0:
             told["fix"] = Fix(position=tuple(place + SIGMA * random.normal(size=2)), sigma=SIGMA)
-        robot.step(Readings(run="a", robot="r1", tick=step, time=100.0 + 0.1 * step, **told))
+        robot.step(measured(step, time=100.0 + 0.1 * step, **told))
         if step >= 80:
             belief = present(robot.belief)
             off = belief.mean[:2] - place
@@ -84,7 +85,7 @@ def test_a_mast_that_tells_its_heading_once_and_its_place_again_and_again_keeps_
         told: dict[str, Any] = {} if step else {"heading": 0.3, "heading_sigma": COMPASS}
         x, y = np.array([3.0, 4.0]) + noise * random.normal(size=2)
         fix = Fix(position=(float(x), float(y)), sigma=SIGMA, **told)
-        robot.step(Readings(run="a", robot="r1", tick=step, time=100.0 + 0.1 * step, fix=fix))
+        robot.step(measured(step, time=100.0 + 0.1 * step, fix=fix))
     belief = present(robot.belief)
     assert belief.mean[2] == pytest.approx(0.3, abs=0.01)
     assert belief.covariance[2, 2] == pytest.approx(COMPASS**2, rel=0.01)

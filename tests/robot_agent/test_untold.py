@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 from blackboard.wire.messages import Odometry, Readings
 from robot_agent.untold import TURNING, Unseen, Untold
+from tests.robot_agent.robots import measured
 
 Told = tuple[float, float | None]  # team time (s), and how long the odometry lasts, if there is any
 
 
 def readings(time: float, dt: float | None, speed: float = 0.5) -> Readings:
     odometry = None if dt is None else Odometry(distance=speed * dt, turn=0.0, dt=dt)
-    return Readings(run="x", robot="r1", tick=0, time=time, odometry=odometry, compass=None, fix=None, sightings=[])
+    return measured(0, time=time, odometry=odometry)
 
 
 def after(told: Sequence[Told], speed: float = 0.5) -> list[Untold]:
