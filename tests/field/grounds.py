@@ -12,13 +12,12 @@ from typing import Literal
 
 import numpy as np
 
-from blackboard.config import Scenario
 from blackboard.opinion.gaussian.vehicle import turned_by
 from blackboard.wire.messages import Odometry, Sighting
 from examples.field.central import Central
 from examples.field.world import ROBOTS, Arena, Said, Seen, Truth, bounced
 from robot_agent.driven import SinceStep
-from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, parts_alone, show
+from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, parts_alone, show, team_on
 
 PIECE = 0.05
 COMPASS = 0.05  # radians: the noise of a compass, as it claims
@@ -148,21 +147,12 @@ class Grounds(Robots):
         described: bool = False,
         **board: object,
     ) -> None:
-        width, height = ground.size
-        cell = 0.25
         drift = {} if ground.rolls else {"objects_drift": ground.walks}
         noise = {
             robot: {"odometry": {"along": kit.along * kit.speed**0.5, "across": 0.0, "turn": kit.turn}}
             for robot, kit in ground.kits.items()
         }
-        chosen = Scenario(
-            {
-                **({"robots": noise} if described else {}),
-                "team": {"name": "t", "sub_teams": {"a": [*ground.kits]}},
-                "grid": {"shape": [round(width / cell), round(height / cell)], "cell": cell, "unit": "m"},
-                "board": {"fusion": "joint", **drift, **board},
-            }
-        )
+        chosen = team_on(ground.size, ground.kits, drift | board, **({"robots": noise} if described else {}))
         super().__init__(chosen, 0.2 * (0.618 * ground.seed % 1.0))
         self.ground, self.told, self.each, self.alone, self.unplaced = ground, told, each, alone, unplaced
         self.dead = dict(dead or {})

@@ -4,7 +4,7 @@ import math
 import sys
 import time
 from collections import defaultdict, deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -88,17 +88,19 @@ def show(totals: Scores) -> None:
         )
 
 
-def new_scenario(truth: Truth, told: bool, **board: object) -> Scenario:
+def team_on(
+    size: tuple[float, float], members: Iterable[str], board: Mapping[str, object], cell: float = 0.25, **more: object
+) -> Scenario:
+    """A board and its robots on a field of this size; `more` tables are the scenario's."""
+    grid = {"shape": [round(side / cell) for side in size], "cell": cell, "unit": "m"}
+    team = {"name": "t", "sub_teams": {"a": [*members]}}
+    return Scenario({"team": team, "grid": grid, "board": {"fusion": "joint", **board}, **more})
+
+
+def new_scenario(truth: Truth, *, told: bool = False, **board: object) -> Scenario:
     """`told`: the robots' odometry is in the scenario."""
     robot = {"robot": {"odometry": {"along": 0.05, "across": 0.0, "turn": truth.turn}}} if told else {}
-    return Scenario(
-        {
-            "team": {"name": "t", "sub_teams": {"a": ["r1", "r2", "r3"]}},
-            "grid": {"shape": [round(WIDTH / 0.25), round(HEIGHT / 0.25)], "cell": 0.25, "unit": "m"},
-            "board": {"fusion": "joint", "objects_drift": truth.ball, **board},
-            **robot,
-        }
-    )
+    return team_on((WIDTH, HEIGHT), ("r1", "r2", "r3"), {"objects_drift": truth.ball, **board}, **robot)
 
 
 def gathered(said: Said, truth: Truth, sigmas: bool) -> SinceStep:
@@ -275,7 +277,7 @@ def main(
     for seed in seeds:
         world = World(seed)
         began = 0.2 * (0.618 * seed % 1.0)  # no robot knows when a board's periods begin
-        chosen = new_scenario(world.truth, told, **board)
+        chosen = new_scenario(world.truth, told=told, **board)
         field_ = Field(world, chosen, sigmas, phases, own=own, fed_back=fed_back, began=began)
         add_all(totals, field_.play(seconds))
         work += field_.work

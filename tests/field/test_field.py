@@ -17,7 +17,7 @@ SECONDS = 40.0
 def played(seed: int, *, own: int = 0, silent: Mapping[str, tuple[float, float]] | None = None) -> Field:
     """A field whose robots do not step at the same time, and know nothing of their wheels."""
     truth, phases = Truth(), {"r2": 0.03, "r3": 0.06}
-    chosen = new_scenario(truth, told=False)
+    chosen = new_scenario(truth)
     return Field(World(seed, truth), chosen, sigmas=False, phases=phases, own=own, silent=silent)
 
 
@@ -47,7 +47,7 @@ def test_each_robot_is_about_as_good_as_the_central_filter_and_never_worse_than_
 def test_a_robot_with_an_exact_gps_is_as_exact_as_alone() -> None:
     """Before, it was 1.6 times as far off, because boards count no claim for more than an eighth of a cell."""
     truth = Truth(gps=0.01, gps_every=0.2)
-    scores = Field(World(104, truth), new_scenario(truth, told=False)).play(12.0)
+    scores = Field(World(104, truth), new_scenario(truth)).play(12.0)
     assert scores["team"]["r1"].rmse <= 1.25 * scores["alone"]["r1"].rmse
     assert scores["team"]["r1"].coverage() >= 0.85
 
@@ -70,7 +70,7 @@ def test_robots_that_are_not_told_where_they_start_find_themselves_by_their_mate
     """
     errors = {}
     for some in ((), unplaced):
-        field = Field(World(202), new_scenario(Truth(), told=False), unplaced=some, alone=alone)
+        field = Field(World(202), new_scenario(Truth()), unplaced=some, alone=alone)
         errors[some] = field.play(SECONDS)["team"]
     for robot in judged:
         known, unknown = errors[()][robot], errors[unplaced][robot]
@@ -92,7 +92,7 @@ def test_a_robot_with_a_gps_that_never_tells_any_odometry_misleads_nobody() -> N
     """Once it was taken to stand, and was 2.3 m off. Later its fixes counted for little: RMSE .66 m, coverage of 95 % regions .81."""
     truth, team = Truth(gps_every=1.0), Score()
     for seed in range(105, 111):
-        field = Field(World(seed, truth), new_scenario(truth, told=False), sigmas=False, silent={"r1": (0.0, 20.0)})
+        field = Field(World(seed, truth), new_scenario(truth), sigmas=False, silent={"r1": (0.0, 20.0)})
         scores = field.play(20.0)["team"]
         for robot in ("r1", "r2", "r3"):
             assert scores[robot].rmse <= 1.5
@@ -103,9 +103,7 @@ def test_a_robot_with_a_gps_that_never_tells_any_odometry_misleads_nobody() -> N
 
 def test_robots_that_claim_three_times_the_noise_of_their_cameras_are_taken_for_no_liars() -> None:
     """They add little new to what the team believes, and some of that is new. Before, the ball was lost: 1.4 m, coverage .58."""
-    by_who = Field(World(101), new_scenario(Truth(), told=False), phases={"r2": 0.03, "r3": 0.06}, cautious=3.0).play(
-        SECONDS
-    )
+    by_who = Field(World(101), new_scenario(Truth()), phases={"r2": 0.03, "r3": 0.06}, cautious=3.0).play(SECONDS)
     assert by_who["team"]["ball"].rmse <= 1.5 * by_who["central"]["ball"].rmse
     assert by_who["team"]["ball"].coverage() >= 0.85
 
@@ -135,7 +133,7 @@ def test_a_ball_that_rolls_and_bounces_is_known_better_by_its_velocity_than_by_a
     by_motion = {}
     for motion in ("walk", "learn"):
         truth = Truth(rolls=1.0)
-        chosen = new_scenario(truth, told=False, objects_motion=motion)
+        chosen = new_scenario(truth, objects_motion=motion)
         by_motion[motion] = Field(World(101, truth), chosen, sigmas=False).play(20.0)["team"]
     walk, learn = (by_motion[motion]["ball"] for motion in ("walk", "learn"))
     assert learn.log_score >= walk.log_score + 0.3
@@ -147,7 +145,7 @@ def test_a_ball_that_rolls_and_is_told_late_makes_no_robot_too_sure() -> None:
     """A robot that alone saw the ball took its motion for a turn of its own. 95 % regions held the truth in 83 to 86 % of the time."""
     truth, phases, team = Truth(rolls=1.0, seen_every=0.2), {"r2": 0.03, "r3": 0.06}, Score()
     for seed in range(302, 308):
-        scores = Field(World(seed, truth), new_scenario(truth, told=False), phases=phases, late=3).play(25.0)["team"]
+        scores = Field(World(seed, truth), new_scenario(truth), phases=phases, late=3).play(25.0)["team"]
         for name in ("r1", "r2", "r3", "ball"):
             team.take(scores[name])
     assert team.coverage() >= 0.9

@@ -22,7 +22,7 @@ class Published:
     """What boards publish in a field."""
 
     def __init__(self, fusion: str = "joint", period: float = 0.2, began: float = 0.07) -> None:
-        chosen = new_scenario(Truth(), told=False, fusion=fusion, period=period)
+        chosen = new_scenario(Truth(), fusion=fusion, period=period)
         phases = {"r2": 0.03, "r3": 0.06}
         self.field = Field(World(101), chosen, sigmas=False, phases=phases, began=began)
         self.field.join(board_of(chosen, "a", "board-b"))  # it follows

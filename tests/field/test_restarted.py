@@ -18,7 +18,7 @@ class Restarted(Field):
     """Its board is killed after `KILLED` seconds, and a new one comes at `BACK`; or, if it `stays`, it runs on."""
 
     def __init__(self, seed: int, stays: bool = False) -> None:
-        chosen = new_scenario(WHEELS, told=False)
+        chosen = new_scenario(WHEELS)
         super().__init__(World(seed, WHEELS), chosen, sigmas=False, phases={"r2": 0.03, "r3": 0.06})
         begin, dying = self.now + 1.0, self.board
         self._due = []

@@ -13,15 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from blackboard.config import Scenario
 from blackboard.wire import evidence
 from examples.field.central import Central
 from examples.field.world import BALL, Arena, Said, Seen, Truth
 from robot_agent.driven import SinceStep
-from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, posterior, show
+from tests.field.play import SETTLED, Robots, Scores, add_all, gathered, new_scores, note, posterior, show, team_on
 
 WIDTH, HEIGHT, WALL = 30.0, 18.0, 1.0
-CELL = 0.5
 LATE = 0.02  # seconds after its end at which a robot hears of a step
 
 
@@ -156,14 +154,7 @@ class Yard(Robots):
     """A board and a team of robots that are driven by a world."""
 
     def __init__(self, world: World, began: float = 0.0, told: bool = False) -> None:
-        chosen = Scenario(
-            {
-                "team": {"name": "t", "sub_teams": {"a": [*world.kits]}},
-                "grid": {"shape": [round(WIDTH / CELL), round(HEIGHT / CELL)], "cell": CELL, "unit": "m"},
-                "board": {"fusion": "joint"},
-            }
-        )
-        super().__init__(chosen, began)
+        super().__init__(team_on((WIDTH, HEIGHT), world.kits, {}, cell=0.5), began)
         self.world, self.told = world, told
 
     def play(self, seconds: float) -> Scores:

@@ -161,9 +161,8 @@ def fields(seeds: Iterable[int], seconds: float) -> Iterable[tuple[str, Score, f
             for seed in seeds:
                 usual = Truth()
                 truth = replace(usual, along=by * usual.along, turn=by * usual.turn)
-                team = Field(
-                    World(seed, truth), new_scenario(usual, source != "by nobody"), False, {"r2": 0.03, "r3": 0.06}
-                )
+                chosen = new_scenario(usual, told=source != "by nobody")
+                team = Field(World(seed, truth), chosen, False, {"r2": 0.03, "r3": 0.06})
                 for who, scores in team.play(seconds).items():
                     for subject, score in scores.items():
                         group = "ball" if subject == "ball" else "robots"
