@@ -279,10 +279,15 @@ class Robot(Membership):
         size = next((size for size in (4, 5, 6) if known.shape(odometry) == (size,)), 3)
         distance, turn, dt, *sigmas = known.numbers("odometry", odometry, (size,))
         aside = sigmas.pop() if size in (4, 6) else 0.0
-        if dt < LEAST or any(sigma < 0 for sigma in sigmas):
-            raise known.wrong("odometry", odometry, "dt is above 0, and no sigma is below")
-        names = ("distance_sigma", "turn_sigma")
-        return Odometry(distance=distance, turn=turn, dt=dt, aside=aside, **dict(zip(names, sigmas, strict=False)))
+        if dt < LEAST:
+            raise known.wrong("odometry", odometry, f"dt is {dt:g}; give the seconds that it took, at least {LEAST:g}")
+        told = dict(zip(("distance_sigma", "turn_sigma"), sigmas, strict=False))
+        for name, sigma in told.items():
+            if sigma < 0:
+                raise known.wrong(
+                    "odometry", odometry, f"{name} is {sigma:g}; give at least 0, or leave the sigmas out"
+                )
+        return Odometry(distance=distance, turn=turn, dt=dt, aside=aside, **told)
 
     # --- the place in the team ----------------------------------------------------------------------------------------
 
