@@ -148,8 +148,7 @@ class Robot(Membership):
         if heading is not None:
             sigma_of_heading = known.sigma("heading_sigma", heading_sigma)
             turned = {"heading": known.angle("heading", heading), "heading_sigma": sigma_of_heading}
-        if self._grid is not None and self._grid.index((x, y)) is None:
-            self._warn("fix", f"a fix at ({x:g}, {y:g}) is outside the team's grid: has it another unit or frame?")
+        self._warn_outside("fix", x, y)
         if self._fixed == (x, y):
             self._warn(
                 "fix again", f"the same fix again, at ({x:g}, {y:g}), counts once: does its receiver see satellites?"
@@ -272,6 +271,8 @@ class Robot(Membership):
             untold = "give (distance, turn, dt) since the last one, or call odometry() as it comes"
             raise known.wrong("odometry", odometry, told if self._has_driven else untold)
         posterior = None if mean is None else Moments(mean, covariance)
+        if posterior is not None:
+            self._warn_outside("belief", *posterior.mean[:2])
         self._tell(odometry=moved, posterior=posterior, own=True)
         self._has_driven = False
 
@@ -324,6 +325,11 @@ class Robot(Membership):
         if what not in self._warned:
             self._warned.add(what)
             log.warning("%s: %s", self.robot, text)
+
+    def _warn_outside(self, what: str, x: float, y: float) -> None:
+        """Say once that a place is outside the team's grid."""
+        if self._grid is not None and self._grid.index((x, y)) is None:
+            self._warn(what, f"a {what} at ({x:g}, {y:g}) is outside the team's grid: has it another unit or frame?")
 
     def _check_seen(self, subject: object, *, alone: bool, at: object) -> None:
         """ValueError: a robot cannot see this; `alone` is a sighting without a range, or without a bearing."""

@@ -213,6 +213,15 @@ def test_a_fix_outside_the_grid_or_told_again_is_warned_of_once(
     assert f"r1: {warned}" in line
 
 
+def test_a_belief_or_particles_outside_the_grid_are_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot("r1", "demo")
+    robot.belief((2.0, 3.0, 0.0), np.eye(3), (0, 0, 0.1))
+    for x in (200.0, 201.0):
+        robot.belief((x, 2.0, 0.0), np.eye(3), (0, 0, 0.1))
+    robot.particles([(200.0, 2.0, 0.1), (200.0, 2.0, 0.1)], (0, 0, 0.1))
+    assert caplog.messages == ["r1: a belief at (200, 2) is outside the team's grid: has it another unit or frame?"]
+
+
 def test_poses_of_one_stamp_lose_their_way_not_in_silence(caplog: pytest.LogCaptureFixture) -> None:
     robot = Robot("r1", "demo")
     for x, dt in ((0.0, 0.0), (0.1, 0.1), (5.0, 0.0), (5.1, 0.1), (5.1, 0.0)):  # it begins, and its frame jumps once
