@@ -150,5 +150,9 @@ def check_kinds(made: str, **arguments: object) -> None:
 
 def shown(value: object) -> str:
     """A value as a message shows it: on one line, the beginning of a long one."""
-    text = " ".join(repr(value).split())  # that of an array has lines
+    return cut(" ".join(repr(value).split()))  # that of an array has lines
+
+
+def cut(text: str) -> str:
+    """A text, or the beginning of a long one."""
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."

@@ -12,15 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from blackboard.client.agreed import TeamNews
-from blackboard.client.arguments import Call, shown
+from blackboard.client.arguments import Call, cut, shown
 from blackboard.client.membership import Membership
-from blackboard.opinion.classes import LANDMARK
+from blackboard.errors import nearest
+from blackboard.opinion.classes import LANDMARK, is_class
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.relation import upper
 from blackboard.opinion.grid import Grid
 from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Sighting
-from blackboard.wire.names import SIGHTED
+from blackboard.wire.names import OF_TEAM, SIGHTED
 from blackboard.wire.types import LARGEST, LEAST
 
 if TYPE_CHECKING:
@@ -180,6 +181,7 @@ class Robot(Membership):
         """
         known = Call("see")
         self._check_seen(subject, alone=range is None or bearing is None, at=at)
+        self._warn_of_stranger(subject)
         common: dict[str, Any] = {
             "subject": subject,
             "landmark": None if at is None else known.numbers("at", at, (2,)),
@@ -330,6 +332,20 @@ class Robot(Membership):
         """Say once that a place is outside the team's grid."""
         if self._grid is not None and self._grid.index((x, y)) is None:
             self._warn(what, f"a {what} at ({x:g}, {y:g}) is outside the team's grid: has it another unit or frame?")
+
+    def _warn_of_stranger(self, subject: str) -> None:
+        """Say once of a mate that the scenario does not name, where boards admit no guests as far as the scenario says.
+
+        Of another team, or of one in which this robot is a guest itself, the scenario does not say who is there.
+        """
+        team, mate = None if self._scenario is None else self._scenario.team, subject.removeprefix("robot/")
+        if team is None or mate == subject or OF_TEAM in mate or is_class(subject) or not team.is_guest(mate):
+            return
+        if team.guests == "vote" or team.name != self.name or team.is_guest(self.robot):
+            return
+        there = f"give a robot of the scenario ({cut(', '.join(team.robots))})"
+        cure = f'{there}, or admit this one: [team] guests = "vote"{nearest(mate, team.robots)}'
+        self._warn(f"see {subject}", f"see(subject={shown(subject)}): {cure}")
 
     def _check_seen(self, subject: object, *, alone: bool, at: object) -> None:
         """ValueError: a robot cannot see this; `alone` is a sighting without a range, or without a bearing."""

@@ -222,6 +222,25 @@ def test_a_belief_or_particles_outside_the_grid_are_warned_of_once(caplog: pytes
     assert caplog.messages == ["r1: a belief at (200, 2) is outside the team's grid: has it another unit or frame?"]
 
 
+def test_a_mate_that_the_scenario_does_not_name_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot("r1", "demo")
+    for subject in ("robot/r22", "robot/r2", "robot/r22", "robot/?", "object/R2", "robot/north..r1"):
+        robot.see(subject, 1.0, 0.0)
+    (line,) = caplog.messages
+    assert line == (
+        "r1: see(subject='robot/r22'): give a robot of the scenario (r1, r2, r3, r4, r5, r6), "
+        'or admit this one: [team] guests = "vote"; did you mean r2?'
+    )
+
+
+def test_where_guests_are_admitted_or_nobody_is_named_any_mate_may_be_seen(caplog: pytest.LogCaptureFixture) -> None:
+    admits = Scenario({"team": {"sub_teams": {"a": ["r1"]}, "guests": "vote"}})
+    robots = [Robot("r1", admits), Robot("r1", Scenario({})), Robot("r1"), Robot("r1", "demo", team="other")]
+    for robot in [*robots, Robot("r9", "demo")]:
+        robot.see("robot/R2", 1.0, 0.0)
+    assert not caplog.messages
+
+
 def test_poses_of_one_stamp_lose_their_way_not_in_silence(caplog: pytest.LogCaptureFixture) -> None:
     robot = Robot("r1", "demo")
     for x, dt in ((0.0, 0.0), (0.1, 0.1), (5.0, 0.0), (5.1, 0.1), (5.1, 0.0)):  # it begins, and its frame jumps once
