@@ -200,6 +200,8 @@ class Robot(Membership):
         sigmas = known.sigma("range_sigma", range_sigma), known.sigma("bearing_sigma", bearing_sigma)
         far = None if range is None else known.number("range", range, least=0.0)
         angle = None if bearing is None else known.bearing("bearing", bearing)
+        if far is not None:
+            self._warn_of_far("range", range, far, subject)
         if far is not None and angle is not None:
             both = Sighting(range=far, bearing=angle, range_sigma=sigmas[0], bearing_sigma=sigmas[1], **common)
             self._tell(own=None, sightings=(both,))
@@ -227,6 +229,7 @@ class Robot(Membership):
                 "position", position, f"is farther than {LARGEST:g}, which no message holds: has it another unit?"
             )
         matrix = known.covariance("covariance", covariance, size)
+        self._warn_of_far("position", position, math.hypot(*values[:2]), common["subject"])
         kind = ("position", "pose")[size - 2]
         self._tell(own=None, seen=(Seen(kind=kind, values=values, covariance=upper(matrix), **common),))
 
@@ -332,6 +335,13 @@ class Robot(Membership):
         """Say once that a place is outside the team's grid."""
         if self._grid is not None and self._grid.index((x, y)) is None:
             self._warn(what, f"a {what} at ({x:g}, {y:g}) is outside the team's grid: has it another unit or frame?")
+
+    def _warn_of_far(self, argument: str, value: object, distance: float, subject: str) -> None:
+        """Say once that a thing is seen farther away than the team's grid is large; a landmark may stand outside of it."""
+        size = math.inf if self._grid is None else self._grid.cell * math.hypot(*self._grid.shape)
+        if distance > size and not subject.startswith("landmark/"):
+            text = f"is farther away than the map is large, {size:.3g} from corner to corner: has it another unit?"
+            self._warn(f"see {argument}", f"see({argument}={shown(value)}): {text}")
 
     def _warn_of_stranger(self, subject: str) -> None:
         """Say once of a mate that the scenario does not name, where boards admit no guests as far as the scenario says.

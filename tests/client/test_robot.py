@@ -241,6 +241,20 @@ def test_where_guests_are_admitted_or_nobody_is_named_any_mate_may_be_seen(caplo
     assert not caplog.messages
 
 
+def test_what_is_seen_farther_away_than_the_map_is_large_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot("r1", grid=GRID)  # 10 by 8 m
+    for far in (12.8, 300.0, 301.0):
+        robot.see("object/far", far, 0.0)
+        robot.see("object/far", range=far, range_sigma=0.1)
+        robot.see("robot/?", position=(far, 0.0), covariance=np.eye(2))
+        robot.see("landmark/tower", far, 0.0, at=(far, 0.0))
+    assert caplog.messages == [
+        "r1: see(range=300.0): is farther away than the map is large, 12.8 from corner to corner: has it another unit?",
+        "r1: see(position=(300.0, 0.0)): is farther away than the map is large, 12.8 from corner to corner: "
+        "has it another unit?",
+    ]
+
+
 def test_poses_of_one_stamp_lose_their_way_not_in_silence(caplog: pytest.LogCaptureFixture) -> None:
     robot = Robot("r1", "demo")
     for x, dt in ((0.0, 0.0), (0.1, 0.1), (5.0, 0.0), (5.1, 0.1), (5.1, 0.0)):  # it begins, and its frame jumps once
