@@ -15,7 +15,7 @@ from typing import Any
 
 from blackboard.config import Scenario
 from blackboard.opinion.gaussian.joint import Moments
-from blackboard.opinion.gaussian.vehicle import Nuisance
+from blackboard.opinion.gaussian.vehicle import KEPT, Nuisance
 from blackboard.opinion.grid import Array
 from blackboard.process.reactions import Cue
 from blackboard.process.team_clock import Pace
@@ -173,6 +173,7 @@ class Driven(AgentService):
         self._extrapolated = Extrapolated()
         self._guessed = 0  # steps in which it saw something while odometry was extrapolated
         self._warned = False  # that beliefs come from the team
+        self._is_old_told = False  # that a sighting is older than the motions that are kept
         self._covered: Covered | None = Covered()  # None once it was said what is wrong
         super().__init__(sensors=sensors, hears_readings=False, **arguments)
 
@@ -209,6 +210,7 @@ class Driven(AgentService):
         self._extrapolated = self._extrapolated.after(self._pending.odometry, stamp)
         self._warn_of_guessed(self._pending)
         self._pending = replace(self._pending, odometry=self._extrapolated.odometry)
+        self._warn_of_old(self._pending)
         self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
         self._pending = SinceStep()
         out = self._turn(now)
@@ -230,6 +232,21 @@ class Driven(AgentService):
                 "%s: it sees something in steps without odometry, and where it was then is extrapolated; "
                 "call odometry() in each step, also beside belief()",
                 self.robot,
+            )
+
+    def _warn_of_old(self, since: SinceStep) -> None:
+        """Say once of a sighting that it is older than the motions that are kept: before, it is taken to have gone as in the first."""
+        longest = KEPT + (0.0 if since.odometry is None else since.odometry.dt)
+        told: list[Sighting | Seen] = [*since.sightings, *since.seen]
+        age = max((sighting.age for sighting in told), default=0.0)
+        if age > longest and not self._is_old_told:
+            self._is_old_told = True
+            log.warning(
+                "%s: see(age=%g): its way is kept for %.3g s, and where it was before is guessed; "
+                "tell sightings sooner, and their age in seconds",
+                self.robot,
+                age,
+                longest,
             )
 
     def _own(self) -> Given:

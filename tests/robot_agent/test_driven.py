@@ -16,6 +16,7 @@ from blackboard.opinion.gaussian.joint import Joint, Moments
 from blackboard.opinion.gaussian.vehicle import Motion, Nuisance, drive, entering
 from blackboard.opinion.grid import Grid
 from blackboard.process.reactions import Cue
+from blackboard.wire.evidence import Seen
 from blackboard.wire.messages import Fix, Odometry, Report, Sighting, Status
 from blackboard.wire.types import Message
 from robot_agent.config import OdometrySection
@@ -378,6 +379,30 @@ def test_whatever_the_times_and_pieces_what_is_extrapolated_is_odometry(
         )
         if extrapolated.odometry is not None:
             assert Odometry.model_validate(extrapolated.odometry.model_dump()) == extrapolated.odometry
+
+
+@pytest.mark.parametrize("joint", [True, False])
+def test_a_sighting_older_than_the_motions_that_are_kept_is_warned_of_once(
+    joint: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A robot that drove for 6 s put what it saw 100 s ago 100 m behind itself, without a word."""
+    robot = new_robot(joint)
+    robot.step(START, NOW)
+    for number, age in enumerate((0.1, 1.05, 100.0, 101.0)):
+        sighting = Sighting(subject="object/ball", range=1.0, bearing=0.0, age=age)
+        robot.step(replace(AHEAD, sightings=(sighting,)), NOW + 0.1 * (number + 1))
+    assert caplog.messages == [
+        "r1: see(age=100): its way is kept for 1.1 s, and where it was before is guessed; "
+        "tell sightings sooner, and their age in seconds"
+    ]
+
+
+def test_a_slow_step_covers_older_sightings(caplog: pytest.LogCaptureFixture) -> None:
+    robot = new_robot()
+    robot.step(START, NOW)
+    seen = Seen(subject="object/ball", kind="range", values=(1.0,), covariance=(0.01,), age=2.9)
+    robot.step(SinceStep(Odometry(distance=0.2, turn=0.0, dt=2.0), seen=(seen,)), NOW + 2.0)
+    assert not caplog.messages
 
 
 def test_what_was_extrapolated_of_odometry_that_is_lost_is_not_taken_back() -> None:
