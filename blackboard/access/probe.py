@@ -5,6 +5,7 @@ Zenoh says only that it could not connect, so this makes a TLS handshake by the 
 
 import socket
 import ssl
+from dataclasses import dataclass
 
 from blackboard.access.identity import Identity
 
@@ -23,7 +24,20 @@ ALERTS = {
 }
 
 
-def fault(endpoints: list[str], identity: Identity | None, *, last: bool) -> str | None:
+@dataclass(frozen=True)
+class Spelling:
+    """How those who open a session give its endpoints and keys, for lines that say what to give."""
+
+    endpoint: str  # as a line begins that gives one
+    endpoints: str
+    keys: str
+
+
+FLAGS = Spelling("-e ", "-e or -l", "--keys")
+ARGUMENTS = Spelling("endpoint=", "endpoint=", "keys=")  # of a call in Python
+
+
+def fault(endpoints: list[str], identity: Identity | None, *, last: bool, spelling: Spelling = FLAGS) -> str | None:
     """What is wrong, in a few words, at the first endpoint where waiting does not help; None where no process listens, or
     nothing is found.
 
@@ -39,7 +53,7 @@ def fault(endpoints: list[str], identity: Identity | None, *, last: bool) -> str
         if protocol == "tls" and identity is not None:
             problem = _handshake(host.strip("[]"), int(port), identity, last)
         elif protocol == "tcp" and identity is None:
-            problem = _plain(host.strip("[]"), int(port))
+            problem = _plain(host.strip("[]"), int(port), spelling)
         if problem is not None:
             return f"{endpoint}: {problem}"
     return None
@@ -80,7 +94,7 @@ def _meaning(error: ssl.SSLError, host: str) -> str:
     return next((text for word, text in ALERTS.items() if word in reason), f"the TLS handshake failed ({reason})")
 
 
-def _plain(host: str, port: int) -> str | None:
+def _plain(host: str, port: int, spelling: Spelling) -> str | None:
     """Whether a plain session is tried with a router that has keys."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
@@ -91,7 +105,7 @@ def _plain(host: str, port: int) -> str | None:
                 pass
     except OSError:  # TLS errors too
         return None
-    return f"the router there asks for certificates: give --keys, and -e tls/{host}:{port}"
+    return f"the router there asks for certificates: give {spelling.keys}, and {spelling.endpoint}tls/{host}:{port}"
 
 
 def _reason(error: OSError) -> str:

@@ -118,7 +118,7 @@ class Membership:
     def __enter__(self) -> Self:
         if self._link is not None:
             raise RuntimeError(f"{self.robot} has joined its team already")
-        config = LinkConfig(connect=self._endpoints, keys=self._keys, who=f"robot/{self.robot}")
+        config = LinkConfig(connect=self._endpoints, keys=self._keys, who=f"robot/{self.robot}", called=True)
         identity = config.identity()
         if identity is not None:
             self.name = self.name or identity.member.team

@@ -17,7 +17,7 @@ from typing import Any, Self
 import zenoh
 
 from blackboard.access.identity import Identity
-from blackboard.access.probe import fault
+from blackboard.access.probe import Spelling, fault
 from blackboard.errors import UserError
 from blackboard.net.flood import WINDOW, Flood, narrowed
 from blackboard.net.inbox import TOO_LARGE, Inbox
@@ -62,7 +62,7 @@ class Link:
         """
         clock, identity, built = clock or UnixClock(), config.identity(), config.build(name)
         _let_go_at_exit()
-        self._session = _open(built, name, patience, stopped, clock, identity)
+        self._session = _open(built, name, patience, stopped, clock, identity, config.spelling)
         self._inbox: Inbox = Inbox() if beside is None else beside._inbox
         self.poke = self._inbox.poke  # lets a `receive` that waits, or the next one, return at once; for any thread
         self._newest: dict[str, bytes] = {}
@@ -306,6 +306,7 @@ def _open(
     stopped: Callable[[], bool],
     clock: UnixClock,
     identity: Identity | None,
+    spelling: Spelling,
 ) -> zenoh.Session:
     """Open a session, trying again until a router answers; each try is short, because it cannot be interrupted.
 
@@ -320,16 +321,17 @@ def _open(
             return zenoh.open(built)
         except zenoh.ZError as error:
             if not str(error).startswith("Unable to connect"):
-                raise UserError(f"{name}: {plain(error)}; name other endpoints with -e or -l") from error
+                raise UserError(f"{name}: {plain(error)}; name other endpoints with {spelling.endpoints}") from error
             waited = clock.now() - start
             last = waited >= patience
-            wrong = fault(endpoints(built), identity, last=last) if identity is not None or last else None
+            asked = identity is not None or last
+            wrong = fault(endpoints(built), identity, last=last, spelling=spelling) if asked else None
             if wrong:
                 raise UserError(f"{name}: {wrong}") from error
             if last:
                 raise UserError(
                     f"{name}: no Zenoh router answers at {where}; start `blackboard router` there, or name another endpoint "
-                    "with -e (RUST_LOG=zenoh=debug tells more)"
+                    f"with {spelling.endpoint.strip()} (RUST_LOG=zenoh=debug tells more)"
                 ) from error
         if waited >= LOG_AFTER and not logged:
             log.info("%s: waiting for a router at %s", name, where)

@@ -9,12 +9,15 @@ from typing import Any
 import zenoh
 
 from blackboard.access.identity import Identity, find, find_link
+from blackboard.access.probe import ARGUMENTS, FLAGS, Spelling
 from blackboard.errors import UserError
 from blackboard.wire.keys import parse
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 SECURE_ENDPOINT = "tls/127.0.0.1:7447"  # with keys
 SECURE = ("tls/", "quic/")  # the protocols of endpoints that carry certificates
+#: All that Zenoh for Python has. One that it does not have is to it an endpoint at which nobody answers.
+PROTOCOLS = ("tcp/", *SECURE, "udp/", "ws/", "unixsock-stream/")
 
 #: Our defaults, by Zenoh's configuration key.
 OURS: dict[str, Any] = {
@@ -56,6 +59,13 @@ class LinkConfig:
     keys: str | None = None
     #: "robot/r1", "board/board-a", or a kind of which a team has one; commands that look on are viewers.
     who: str = "viewer"
+    #: By a call in Python, of which lines on mistakes then name the arguments; otherwise by flags.
+    called: bool = False
+
+    @property
+    def spelling(self) -> Spelling:
+        """How who made this gives endpoints and keys."""
+        return ARGUMENTS if self.called else FLAGS
 
     def identity(self) -> Identity | None:
         """The certificate of this process, or None without keys. UserError: the directory has none that can be used."""
@@ -96,8 +106,9 @@ class LinkConfig:
                 raise UserError(f"--cfg {pair}: write KEY:VALUE, the value in JSON5")
             _insert(config, key, value, f"--cfg {pair}")
         _apply_defaults(config, name, SECURE_ENDPOINT if self.keys else DEFAULT_ENDPOINT)
+        _check_protocols(config)
         if self.keys:
-            _check_shut(config, is_router=self.who == "router")
+            _check_shut(config, self.spelling, is_router=self.who == "router")
         return config
 
 
@@ -129,7 +140,16 @@ def _insert(config: zenoh.Config, key: str, value: str, where: str) -> None:
         raise UserError(f"{where}: Zenoh does not take it ({plain(error)})") from error
 
 
-def _check_shut(config: zenoh.Config, *, is_router: bool) -> None:
+def _check_protocols(config: zenoh.Config) -> None:
+    """UserError: an endpoint to connect to is of no protocol that there is, as `http://host`."""
+    for endpoint in endpoints(config):
+        protocol, slash, _ = endpoint.partition("/")  # a mode has none, where endpoints are given for each mode
+        if slash and f"{protocol}/" not in PROTOCOLS:
+            there = f"the protocols are {', '.join(PROTOCOLS)}"
+            raise UserError(f"{endpoint}: {protocol} is no protocol of an endpoint; write tcp/HOST:PORT ({there})")
+
+
+def _check_shut(config: zenoh.Config, spelling: Spelling, *, is_router: bool) -> None:
     """UserError: with keys, an endpoint without certificates, or one who listens beside the router and its access control."""
     listening = json.loads(config.get_json("listen/endpoints"))
     if isinstance(listening, dict):  # Zenoh's own default, which a client does not use
@@ -137,7 +157,7 @@ def _check_shut(config: zenoh.Config, *, is_router: bool) -> None:
     for endpoint in (*endpoints(config), *listening):
         if not endpoint.startswith(SECURE):
             raise UserError(
-                f"{endpoint}: with --keys write tls/{endpoint.partition('/')[2]}, which carries certificates"
+                f"{endpoint}: with {spelling.keys} write tls/{endpoint.partition('/')[2]}, which carries certificates"
             )
     if is_router and endpoints(config) and not config.get_json("transport/link/tls/connect_certificate").strip('"'):
         raise UserError("connect/endpoints: with --keys name the other router with --connect (-e)")

@@ -29,6 +29,8 @@ def test_without_a_certificate_the_line_asks_for_one(shut: Shut, keys: Path) -> 
     plain = shut[0].replace("tls/", "tcp/")
     with pytest.raises(UserError, match=rf"^r1: {plain}: the router there asks for certificates: give --keys"):
         Link(LinkConfig(connect=(plain,)), "r1", patience=0.0)
+    with pytest.raises(UserError, match=f": give keys=, and endpoint={shut[0]}$"):
+        Link(LinkConfig(connect=(plain,), called=True), "r1", patience=0.0)
     ca = f'transport/link/tls/root_ca_certificate:"{keys / "viewer" / "ca.pem"}"'
     with pytest.raises(UserError):
         Link(LinkConfig(connect=(shut[0],), cfg=(ca,)), "r1", patience=0.0)

@@ -104,7 +104,8 @@ def test_it_waits_for_a_router_that_comes_later() -> None:
 
 def test_where_nobody_answers_is_a_mistake_that_names_the_place() -> None:
     with pytest.raises(
-        UserError, match=r"^r1: no Zenoh router answers at tcp/127\.0\.0\.1:1; start `blackboard router`"
+        UserError,
+        match=r"^r1: no Zenoh router answers at tcp/127\.0\.0\.1:1; start `blackboard router` there, or name another endpoint with -e ",
     ):
         Link(LinkConfig(connect=("tcp/127.0.0.1:1",)), "r1", patience=0.0)
 

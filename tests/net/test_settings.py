@@ -4,8 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
+import zenoh
 
-from blackboard.net.settings import DEFAULT_ENDPOINT, LinkConfig
+from blackboard.net.settings import DEFAULT_ENDPOINT, PROTOCOLS, LinkConfig
 from tests.mistakes import one_line
 
 
@@ -14,6 +15,11 @@ from tests.mistakes import one_line
     [
         (LinkConfig(file="nowhere.json5"), r"--config nowhere\.json5: No such file"),
         (LinkConfig(connect=("nonsense",)), "nonsense: .*Endpoints must be of the form"),
+        (
+            LinkConfig(connect=("tcp/a:1", "http://b:7447")),
+            r"^http://b:7447: http: is no protocol of an endpoint; write tcp/HOST:PORT \(the protocols are tcp/, tls/, quic/, ",
+        ),
+        (LinkConfig(connect=("b/7447",)), "^b/7447: b is no protocol of an endpoint; write tcp/HOST:PORT"),
         (LinkConfig(cfg=("foo/bar:1",)), r"--cfg foo/bar:1: .*unknown key"),
         (LinkConfig(cfg=("mode",)), r"--cfg mode: write KEY:VALUE"),
         (LinkConfig(cfg=("mode:client",)), r"--cfg mode:client: Zenoh does not take it"),
@@ -23,6 +29,27 @@ def test_what_zenoh_does_not_take_is_a_mistake_in_one_line(config: LinkConfig, s
     with one_line(says) as caught:
         config.build("r1")
     assert ".rs" not in str(caught.value)
+
+
+def test_endpoints_for_each_mode_are_taken() -> None:
+    by_mode = '{"client":["tcp/b:1"]}'
+    assert setting(LinkConfig(cfg=(f"connect/endpoints:{by_mode}",)), "connect/endpoints") == json.loads(by_mode)
+
+
+@pytest.mark.parametrize("protocol", [*PROTOCOLS, "http/"])
+def test_the_protocols_are_those_that_zenoh_has(protocol: str) -> None:
+    """Zenoh tells who listens which ones it does not have. At this address nothing can listen by any."""
+    config = zenoh.Config()
+    settings = {
+        "mode": "peer",
+        "scouting/multicast/enabled": False,
+        "listen/endpoints": [f"{protocol}/nowhere.invalid/x"],
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    with pytest.raises(zenoh.ZError) as caught:
+        zenoh.open(config)
+    assert ("not supported" in str(caught.value)) == (protocol not in PROTOCOLS)
 
 
 def setting(config: LinkConfig, key: str) -> object:
