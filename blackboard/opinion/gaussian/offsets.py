@@ -118,6 +118,7 @@ class Offsets(Copyable):
     _pairs: dict[tuple[str, str], OffsetScore] = field(default_factory=dict)
     _mates: dict[str, MateScores] = field(default_factory=dict)  # observer -> of each that it sees
     _held: dict[str, float] = field(default_factory=dict)  # observer -> for how many seconds more it is doubted
+    _aimed: float = 0.0  # for how many seconds more the team counts as one that measures directions
     #: Observer and subject -> what rests on that pair alone since it was held to be apart.
     _taken: dict[tuple[str, str], OffsetScore] = field(default_factory=dict)
     #: Observer and subject -> for how many seconds more what the one sees of the other moves neither.
@@ -136,14 +137,19 @@ class Offsets(Copyable):
         }
         self._held = {observer: left - dt for observer, left in self._held.items() if left > dt}
         self._apart = {pair: left - dt for pair, left in self._apart.items() if left > dt}
+        self._aimed = max(0.0, self._aimed - dt)
 
     def _young(self, observer: str, scores: MateScores) -> MateScores:
         """An observer's scores without those of mates that it has not seen for long."""
         gone = [subject for subject in scores.subjects if (observer, subject) not in self._pairs]
         return reduce(MateScores.without, gone, scores)
 
-    def on_sightings(self, observer: str, joint: Joint, seen: Sequence[tuple[str, Factor]]) -> None:
+    def on_sightings(
+        self, observer: str, joint: Joint, seen: Sequence[tuple[str, Factor]], *, aims: bool = True
+    ) -> None:
         """Take all that an observer sees in a tick, by subject, before any of it is taken into the joint.
+
+        `aims`: it measured directions, not ranges alone.
 
         What of a score rests on some rows i of a tick alone is A_i^T ((S^-1)_ii)^-1 A_i, where A = S^-1 H. Without it the score is
         that of the rest, whatever errors all rows share.
@@ -167,6 +173,8 @@ class Offsets(Copyable):
             self._part(observer, subject, alone)
         each = _of_each(subjects, ways, inverse, residual)
         self._mates[observer] = self._mates.get(observer, NO_MATES).plus(each)
+        if aims:
+            self._aimed = MEMORY
         if self._has_offset(observer):
             self._held[observer] = MEMORY
 
@@ -199,6 +207,11 @@ class Offsets(Copyable):
     def doubts(self, observer: str) -> bool:
         """Whether what it sees had such an offset in the last `MEMORY` seconds."""
         return observer in self._held
+
+    @property
+    def aims(self) -> bool:
+        """Whether any robot measured directions in the last `MEMORY` seconds. Beside ranges, odometry alone shows a heading."""
+        return self._aimed > 0.0
 
     @property
     def apart(self) -> Collection[tuple[str, str]]:

@@ -127,7 +127,7 @@ def _compare_with_joint(
         if moving & {robot, sighting.subject}:  # where both stand, an exact sensor says the same again and again
             team.freshness.on_sighting(sighting, factor.widened(1.0 / sighting.noisier))
     mates = [(sighting.subject, factor) for sighting, factor in seen if sighting.subject in heard]
-    team.offsets.on_sightings(robot, team.joint, mates)
+    team.offsets.on_sightings(robot, team.joint, mates, aims=any(sighting.kind != "range" for sighting, _ in seen))
 
 
 def _take_together(team: TeamState, seen: Sequence[tuple[Relative, Factor]]) -> list[Relative]:

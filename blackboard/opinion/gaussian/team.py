@@ -92,7 +92,7 @@ class TeamJoint(TeamState):
     def _take_back(self, robot: str) -> None:
         """What a robot has moved is where it was without it, and how the objects move that it saw is to be learned anew."""
         self.influence.take_back(self.joint, robot)
-        if self.offsets.doubts(robot) and robot in self.joint:
+        if self.offsets.doubts(robot) and self.offsets.aims and robot in self.joint:
             self.distrust.begin(robot)
         self.offsets.forget_scores()
         for subject in self.trust.judged(robot) & set(self.seen):
