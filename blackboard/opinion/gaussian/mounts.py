@@ -54,20 +54,20 @@ class CompassReading:
 
 @dataclass(frozen=True)
 class Beyond:
-    """Readings in a row beyond the gate: since a team time (s), until the newest one, how many, and by how much (rad) that is off."""
+    """Readings of one sensor in a row that were beyond the gate."""
 
-    since: float
-    until: float
+    since: float  # team time (s) of the first one
+    until: float  # and of the newest one
     number: int = 1
-    off: float = 0.0
+    off: float = 0.0  # radians by which the newest reading of a compass differs from the heading that is believed
 
     def plus(self, time: float, off: float = 0.0) -> "Beyond":
-        """With one more, at a team time (s)."""
+        """With one more reading, at a team time (s)."""
         return Beyond(self.since, time, self.number + 1, off)
 
     @property
     def is_lasting(self) -> bool:
-        """Whether they are so many, for so long, that what they contradict counts as wrong."""
+        """Whether they are so many, over so long a time, that what they contradict counts as wrong."""
         return self.number >= FEWEST and self.until - self.since >= PATIENCE
 
 

@@ -241,8 +241,8 @@ class Offsets(Copyable):
 def _within_gate(innovation: Innovation, lengths: Sequence[int]) -> Array:
     """The residuals of a tick, in which sightings have these numbers of rows, each at most as long as the gate allows (Huber 1964).
 
-    Where another sighting of the tick is within the gate, one beyond it is a misread. The farther off, the less that counts (a
-    redescending influence, Hampel 1974): ranges of radios whose way is blocked are all too long, and are no offset.
+    If any sighting of the tick is within the gate, those beyond it are taken for misreads. The farther off one is, the less it counts
+    (a redescending influence, Hampel 1974). So ranges of radios whose way is blocked, which are all too long, are no offset.
     """
     residual, ends = innovation.residual.copy(), np.cumsum(lengths)
     parts = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]

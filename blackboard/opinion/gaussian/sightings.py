@@ -248,7 +248,10 @@ def _judged(team: TeamState, relative: Relative, factor: Factor, innovation: Inn
 
 
 def _hold_against_compass(team: TeamState, observer: str, factor: Factor, innovation: Innovation) -> None:
-    """A sighting of a mate fits. Where it would not if its observer were turned as its compass says, the compass is wrong."""
+    """Take a sighting of a mate that fits as evidence against a compass whose readings were left out.
+
+    It is such evidence if it would not fit once its observer were turned as the compass says. Then these readings are forgotten.
+    """
     known = team.known[observer]
     assert known.turned is not None
     residual = innovation.residual - factor.jacobians[observer][:, HEADING] * known.turned.off

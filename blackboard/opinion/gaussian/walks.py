@@ -29,9 +29,9 @@ WALKERS = -0.5 * (np.log(FACTORS) / SPREAD + SPREAD) ** 2
 
 
 def _some_stand(faster: float) -> Array:
-    """Log weights of objects some of which stand, with the least drift, where those that walk are `faster`, shape (k,).
+    """Log weights, shape (k,), where some objects stand, with the least drift, and the others walk `faster` than by `WALKERS`.
 
-    So many stand that the root mean square is the configured drift.
+    The share that stands is such that the root mean square of all drifts is the configured one.
     """
     walking = np.exp(-0.5 * (np.log(FACTORS / faster) / SPREAD + SPREAD) ** 2)
     walking /= walking.sum()
@@ -43,8 +43,8 @@ def _some_stand(faster: float) -> Array:
     return logs
 
 
-#: Log weights such that half of all objects stand. Without those, a post that stood for a minute still counted as drifting, so that
-#: robots which saw it gained little by that.
+#: Log weights such that half of all objects stand. By `WALKERS` a post that stood for a minute still counted as drifting. Robots that
+#: saw it gained little by that.
 PRIOR = _some_stand(math.sqrt(2.0))
 MEMORY = 20.0  # seconds after which the evidence of a sighting about the drift counts for 1/e
 LOST = -20.0  # log likelihood by the best one's: a member that is less likely begins again where the best one is
