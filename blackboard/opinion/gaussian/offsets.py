@@ -239,22 +239,15 @@ class Offsets(Copyable):
 
 
 def _within_gate(innovation: Innovation, lengths: Sequence[int]) -> Array:
-    """The residuals of a tick, in which sightings have these numbers of rows, each at most as long as the gate allows (Huber 1964).
+    """The residuals of a tick, in which sightings have these numbers of rows, each shortened to the edge of the gate.
 
-    If any sighting of the tick is within the gate, those beyond it are taken for misreads. The farther off one is, the less it counts
-    (a redescending influence, Hampel 1974). So ranges of radios whose way is blocked, which are all too long, are no offset.
+    A single misread then does not look like a lasting offset (Huber 1964). A robot that keeps one side still does.
     """
-    residual, ends = innovation.residual.copy(), np.cumsum(lengths)
-    parts = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
-    inside = np.array(
-        [
-            quantile(GATE, length) / max(squared_distance(residual[rows], innovation.covariance[rows, rows]), 1e-12)
-            for rows, length in zip(parts, lengths, strict=True)
-        ]
-    )
-    is_misread = inside.max() >= 1.0
-    for rows, share in zip(parts, np.minimum(inside, 1.0), strict=True):
-        residual[rows] *= share if is_misread else math.sqrt(share)
+    residual, begin = innovation.residual.copy(), 0
+    for length in lengths:
+        rows = slice(begin, begin := begin + length)
+        squared = squared_distance(residual[rows], innovation.covariance[rows, rows])
+        residual[rows] *= math.sqrt(min(1.0, quantile(GATE, length) / max(squared, 1e-12)))
     return residual
 
 
