@@ -85,7 +85,7 @@ class SinceStep:
         before, fix = self.fix, later.fix or self.fix
         if fix is not None and fix.heading is None and before is not None and before.heading is not None:
             told = {"heading": before.heading, "heading_sigma": before.heading_sigma}
-            fix = fix.model_copy(update=told)  # a fix without a heading keeps the heading of the fix before it
+            fix = fix.model_copy(update=told)  # the newest heading still counts where the newer fix has none
         return SinceStep(
             _both_ways(self.odometry, later.odometry),
             later.compass or self.compass,
@@ -235,7 +235,7 @@ class Driven(AgentService):
             )
 
     def _warn_of_old(self, since: SinceStep) -> None:
-        """Say once of a sighting that it is older than the motions that are kept: before, it is taken to have gone as in the first."""
+        """Say once that a sighting is older than the motions that are kept. Where the robot was then is guessed."""
         longest = KEPT + (0.0 if since.odometry is None else since.odometry.dt)
         told: list[Sighting | Seen] = [*since.sightings, *since.seen]
         age = max((sighting.age for sighting in told), default=0.0)

@@ -150,7 +150,7 @@ def check_kinds(made: str, **arguments: object) -> None:
 
 def shown(value: object) -> str:
     """A value as a message shows it: on one line, the beginning of a long one."""
-    return cut(" ".join(repr(value).split()))  # that of an array has lines
+    return cut(" ".join(repr(value).split()))  # an array is shown on several lines
 
 
 def cut(text: str) -> str:

@@ -16,7 +16,7 @@ from blackboard.wire.keys import parse
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 SECURE_ENDPOINT = "tls/127.0.0.1:7447"  # with keys
 SECURE = ("tls/", "quic/")  # the protocols of endpoints that carry certificates
-#: All that Zenoh for Python has. One that it does not have is to it an endpoint at which nobody answers.
+#: The protocols of Zenoh's Python package. To an endpoint of any other protocol Zenoh says only that nobody answers there.
 PROTOCOLS = ("tcp/", *SECURE, "udp/", "ws/", "unixsock-stream/")
 
 #: Our defaults, by Zenoh's configuration key.

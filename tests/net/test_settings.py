@@ -38,7 +38,7 @@ def test_endpoints_for_each_mode_are_taken() -> None:
 
 @pytest.mark.parametrize("protocol", [*PROTOCOLS, "http/"])
 def test_the_protocols_are_those_that_zenoh_has(protocol: str) -> None:
-    """Zenoh tells who listens which ones it does not have. At this address nothing can listen by any."""
+    """Zenoh names an unknown protocol only to a process that listens. So each one listens here, at an address that nobody can have."""
     config = zenoh.Config()
     settings = {
         "mode": "peer",

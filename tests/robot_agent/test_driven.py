@@ -236,7 +236,9 @@ def test_the_tables_of_one_robot_count_for_a_program_s_own_robot_too() -> None:
 
 
 def test_wheels_that_are_off_are_found_out() -> None:
-    told = Odometry(distance=0.1 / 1.05, turn=0.0, dt=0.1, distance_sigma=0.001, turn_sigma=0.001)  # 5 % too little
+    told = Odometry(
+        distance=0.1 / 1.05, turn=0.0, dt=0.1, distance_sigma=0.001, turn_sigma=0.001
+    )  # its wheels measure 5 % too little
     steps = [SinceStep(told, fix=Fix(position=(5.0 + 0.1 * number, 5.0), sigma=0.02)) for number in range(1, 41)]
     assert math.dist(pose_after(*steps).mean[:2], (9.0, 5.0)) < 0.05
 

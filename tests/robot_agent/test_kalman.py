@@ -23,7 +23,7 @@ GRID = Grid((40, 40), 0.1, (-2.0, -2.0), "m")
 
 
 def started(stands: int = 0) -> FirstHand:
-    """A robot that was told its pose, the origin, and stands there for some ticks."""
+    """A robot that stands for some ticks, and knows from the first one that it is at the origin."""
     robot = FirstHand(ROBOT)
     fix = Fix(position=(0.0, 0.0), sigma=0.05, heading=0.0, heading_sigma=0.03)
     robot.step(measured(0, fix=fix))

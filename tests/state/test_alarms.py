@@ -114,7 +114,7 @@ def test_a_robot_of_the_scenario_that_a_board_waits_for_is_an_alarm_until_it_com
 
 
 def test_a_robot_that_a_board_hears_again_is_gone_no_longer() -> None:
-    """Before, the first age that a board told was kept for good, and who was said to be missing stayed so."""
+    """Before, only the first age that a board told was used. So a robot that came back was still shown as gone."""
     fold = Fold()
     fold.expect("t", {"a": ["r1", "r2"]})
     told: list[dict[str, Any]] = [{"ages": {"r2": 218.2}, "lacks": ["robot/r1"]}, {"ages": {"r1": 0.5, "r2": 0.5}}]
