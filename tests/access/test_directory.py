@@ -176,8 +176,9 @@ def test_what_would_leave_the_door_ajar_is_a_mistake_in_one_line(
 
 
 def test_without_a_directory_the_line_says_how_to_make_one(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="no such directory; `blackboard keys init SCENARIO --dir"):
-        LinkConfig(keys=str(tmp_path / "nowhere")).build("x")
+    for called, begin in ((False, "--keys "), (True, "keys=")):
+        with pytest.raises(UserError, match=f"^{begin}.*: no such directory; `blackboard keys init SCENARIO --dir"):
+            LinkConfig(keys=str(tmp_path / "nowhere"), called=called).build("x")
     with pytest.raises(UserError, match="no authority there"):
         directory.load(tmp_path)
 

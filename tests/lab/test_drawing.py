@@ -46,6 +46,11 @@ def test_a_gallery_has_every_picture_of_its_folder_with_its_title(tmp_path: Path
     assert "rules: all rules on the same opinions; thick: the default" in page
 
 
+def test_a_gallery_names_the_number_of_a_figure_of_the_paper_once(tmp_path: Path) -> None:
+    drawing.save(drawing.paper(numbers())["fig2"], tmp_path / "fig2.svg")
+    assert "<figcaption>Fig. 2: five sensors that agree" in drawing.gallery(tmp_path).read_text(encoding="utf-8")
+
+
 def test_other_endings_and_places_are_refused(tmp_path: Path, compared: dict[str, Any]) -> None:
     figure = drawing.comparison(compared)
     with pytest.raises(UserError, match=r"\.svg or \.png"):
