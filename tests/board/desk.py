@@ -8,15 +8,15 @@ from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import decode, encode
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Report, Status
-from tests.wire.envelopes import consensus, put, token
+from tests.wire.envelopes import consensus, put, token, world
 
 GRID = Grid((30, 20))
 NOW = 1_000_000.0
-WORLD = Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE)
-ANOTHER_WORLD = Envelope(keys.WORLD.key(team="t"), kind=Kind.GONE), WORLD  # the world was started again
+WORLD = world()
+ANOTHER_WORLD = world(Kind.GONE), WORLD  # the world was started again
 
 
 def board_of(sub_team: str, kind: Kind = Kind.ALIVE, name: str | None = None) -> Envelope:
@@ -62,7 +62,7 @@ class Desk:
         return said
 
     def register(self, *robots: str) -> None:
-        self.tell(*(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot=r), kind=Kind.ALIVE) for r in robots))
+        self.tell(*(token(keys.MEMBER, robot) for robot in robots))
 
     def status(self) -> Status:
         self.wait(1.5)
@@ -73,8 +73,7 @@ class Desk:
 def clock(tick: int, *robots: str, run: str = "one", mode: str = "lockstep", **more: object) -> Envelope:
     """A Clock; in lockstep the robots of sub-team a take part, and `more` sub-teams with theirs."""
     named = {"a": list(robots), **more} if mode == "lockstep" else {}
-    message = Clock(run=run, tick=tick, time=0.2 * tick, mode=mode, robots=named)  # type: ignore[arg-type]
-    return put(message)
+    return put(Clock(run=run, tick=tick, time=0.2 * tick, mode=mode, robots=named))  # type: ignore[arg-type]
 
 
 def ball(x: float = 10) -> Belief:
@@ -88,10 +87,8 @@ def report(
     packed = pack(belief or ball())
     if size:
         packed = packed.model_copy(update={"data": bytes(size)})
-    message = Report(
-        source=source, subject="object/ball", tick=tick, time=0.2 * tick if time is None else time, belief=packed
-    )
-    return put(message)
+    time = 0.2 * tick if time is None else time
+    return put(Report(source=source, subject="object/ball", tick=tick, time=time, belief=packed))
 
 
 def reported(source: str, tick: int, *subjects: str) -> Envelope:
@@ -101,8 +98,7 @@ def reported(source: str, tick: int, *subjects: str) -> Envelope:
 
 def idle(robot: str) -> Envelope:
     """What a robot says before its first tick."""
-    status = Status(process=robot, kind="robot", tick=0, time=0.0, phase="idle", subjects=[])
-    return put(status)
+    return put(Status(process=robot, kind="robot", tick=0, time=0.0))
 
 
 def theirs(sub_team: str, tick: int, name: str | None = None, **more: Any) -> Envelope:
@@ -123,7 +119,7 @@ def settled(sub_team: str, tick: int, *subjects: str, name: str | None = None, p
 def leading(board: str, **part: object) -> Envelope:
     """The status of another board of sub-team a, which leads."""
     fields = {"process": board, "kind": "board", "tick": 0, "time": 0.0, "since": 0.0, **part}
-    return Envelope(keys.STATUS.key(team="t", sub_team="a", process=board), encode(Status.model_validate(fields)))
+    return put(Status.model_validate(fields))
 
 
 def levels(said: list[Envelope]) -> list[str]:

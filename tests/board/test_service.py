@@ -4,7 +4,7 @@ import pytest
 
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import decode, encode
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Report, Status
 from tests.board.desk import (
@@ -21,7 +21,7 @@ from tests.board.desk import (
     settled,
     theirs,
 )
-from tests.wire.envelopes import put
+from tests.wire.envelopes import put, token, world
 
 
 def test_a_tick_is_settled_once_everybody_named_has_spoken() -> None:
@@ -47,7 +47,7 @@ def test_a_board_that_is_asked_tells_what_it_lacks_and_repeats_only_what_it_is_a
 
     def asked(**fields: list[str]) -> list[Envelope]:
         again = decode(Clock, clock(0, "r1", "r2").payload).model_copy(update=fields)
-        return desk.tell(Envelope(keys.CLOCK.key(team="t"), encode(again)))
+        return desk.tell(put(again))
 
     me = "board/a/a"
     desk.tell(clock(0, "r1", "r2"), report("r1", 0), reported("r1", 0, "object/ball"))
@@ -66,8 +66,7 @@ def test_when_the_speed_of_a_robot_elsewhere_arrives_changes_no_bit() -> None:
     for order in (1, -1):
         desk = Desk(patience=2.0)
         message = decode(Report, report("r1", 0).payload).model_copy(update={"subject": "robot/r4"})
-        key = keys.REPORT.key(team="t", sub_team="a", source="r1", subject="robot/r4")
-        desk.tell(clock(0, "r1", b=["r4"]), Envelope(key, encode(message)), reported("r1", 0, "robot/r4"))
+        desk.tell(clock(0, "r1", b=["r4"]), put(message), reported("r1", 0, "robot/r4"))
         for tick in (1, 2):
             desk.wait(2.5)
             said = [
@@ -75,10 +74,7 @@ def test_when_the_speed_of_a_robot_elsewhere_arrives_changes_no_bit() -> None:
                 ("r4", "b", {"phase": "reported", "speed": 3.0 * tick}),
             ]
             statuses = [
-                Envelope(
-                    keys.STATUS.key(team="t", sub_team=sub_team, process=robot),
-                    encode(Status(process=robot, kind="robot", tick=tick, time=0.2 * tick, **fields)),
-                )
+                put(Status(process=robot, kind="robot", tick=tick, time=0.2 * tick, **fields), sub_team=sub_team)
                 for robot, sub_team, fields in said[::order]
             ]
             answers = desk.tell(clock(tick, "r1", b=["r4"]), *statuses)
@@ -90,8 +86,7 @@ def test_when_the_speed_of_a_robot_elsewhere_arrives_changes_no_bit() -> None:
 def test_a_dead_robot_is_not_waited_for() -> None:
     desk = Desk("r1", "r2")
     desk.tell(clock(0, "r1", "r2"), report("r1", 0), reported("r1", 0, "object/ball"))
-    gone = Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r2"), kind=Kind.GONE)
-    assert levels(desk.tell(gone)) == []  # perhaps it was the router
+    assert levels(desk.tell(token(keys.MEMBER, "r2", kind=Kind.GONE))) == []  # perhaps it was the router
     assert levels(desk.wait(0.4)) == []
     assert levels(desk.wait(0.2)) == ["consensus", "agreed"]
 
@@ -128,7 +123,7 @@ def test_a_new_run_forgets_the_old_one() -> None:
 def test_only_what_the_other_board_settled_in_this_tick_ends_the_wait_for_it(kind: str, phase: str, tick: int) -> None:
     desk = exchanging()
     said = Status(process="b", kind=kind, tick=tick, time=0.0, phase=phase, subjects=[])  # type: ignore[arg-type]
-    assert levels(desk.tell(Envelope(keys.STATUS.key(team="t", sub_team="b", process="b"), encode(said)))) == []
+    assert levels(desk.tell(put(said, sub_team="b"))) == []
     assert levels(desk.tell(settled("b", 0))) == ["agreed"]
 
 
@@ -171,9 +166,9 @@ def test_a_board_that_the_world_names_is_heard_before_its_token_arrives() -> Non
 def test_while_the_router_is_away_a_tick_is_not_settled_without_its_robots() -> None:
     desk = Desk("r1", "r2", patience=2.0)
     desk.tell(board_of("a"), clock(0, "r1", "r2"), report("r1", 0), reported("r1", 0, "object/ball"))
-    lost = [keys.MEMBER.key(team="t", sub_team="a", robot=robot) for robot in ("r1", "r2")]
-    for token in (*lost, board_of("a").key, WORLD.key):
-        desk.tell(Envelope(token, kind=Kind.GONE))
+    lost = [token(keys.MEMBER, robot, kind=Kind.GONE) for robot in ("r1", "r2")]
+    for gone in (*lost, board_of("a", Kind.GONE), world(Kind.GONE)):
+        desk.tell(gone)
     assert levels(desk.wait(1.0) + desk.wait(10.0) + desk.wait(10.0)) == []
     desk.tell(board_of("a"), WORLD)
     desk.wait(1.9)

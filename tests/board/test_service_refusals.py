@@ -9,11 +9,12 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.process.intake import MAX_EARLY_BYTES
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import decode, encode
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Consensus, PackedBelief, Report
 from blackboard.wire.raw import MAX_BYTES
 from tests.board.desk import GRID, NOW, Desk, ball, clock, exchanging, levels, report, reported, settled, theirs
+from tests.wire.envelopes import put
 
 
 @pytest.mark.parametrize("name", ["x", "b2"])
@@ -80,7 +81,7 @@ def hostile() -> list[tuple[str, Envelope]]:
         cells = np.full(GRID.shape, 1.0 / GRID.size, dtype="<f4")
         cells[3, 4] = value
         belief = PackedBelief(grid=grid, lo=(0, 0), box=GRID.shape, coding="f32", data=cells.tobytes())
-        return Envelope(key, encode(Report(source="r1", subject="object/ball", tick=0, time=0.0, belief=belief)))
+        return put(Report(source="r1", subject="object/ball", tick=0, time=0.0, belief=belief))
 
     return [
         ("not-msgpack", Envelope(key, b"\xc1 not msgpack")),

@@ -18,11 +18,11 @@ from blackboard.opinion.belief import Belief, gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.opinion.weights import entropy
 from blackboard.wire import keys
-from blackboard.wire.codec import decode, encode
-from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.codec import decode
+from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Clock, Report, Status
 from blackboard.wire.names import VIA
-from tests.wire.envelopes import consensus, put
+from tests.wire.envelopes import consensus, put, token
 
 GRID = Grid((20, 20))
 BALL = "object/ball"
@@ -219,8 +219,7 @@ def test_a_team_in_simulated_time_is_told_by_its_own_clock_how_old_it_is() -> No
     """Stamps of one team mean nothing in the other one; how long ago they were does."""
     share, now = new_share()
     clock = Clock(run="one", tick=14, time=7.0, mode="lockstep", robots={"a": ["r1"]})
-    world = Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE)
-    for envelope in (world, Envelope(keys.CLOCK.key(team="all"), encode(clock))):
+    for envelope in (token(keys.WORLD, team="all"), put(clock, team="all")):
         share.receive(envelope, now)
     assert len(reports(share.receive(agreed(BALL, 2.0, r1=2.0), now))) == 1
     assert share.receive(agreed(BALL, 3.0, r1=2.75), now + 0.75) == []  # a report in a second
@@ -236,7 +235,7 @@ def test_in_another_run_of_the_team_that_is_told_it_is_told_again() -> None:
     clock = Clock(run="one", tick=1, time=0.5, mode="realtime", robots={})
     link = teams.bus.connect()
     link.token(keys.WORLD.key(team="all"))
-    link.send(Envelope(keys.CLOCK.key(team="all"), encode(clock)))
+    link.send(put(clock, team="all"))
     before = len(teams.said)
     teams.run(3.0, [("north", BALL, SEEN)])
     since = teams.said[before:]
@@ -270,7 +269,7 @@ def test_one_forged_message_far_in_the_future_ends_nothing_for_long() -> None:
     teams = Teams("north", "all", pairs=[("north", "all")], every=0.5)
     teams.run(2.0, [("north", BALL, SEEN)])
     forged = teams.agreed["north", BALL].story.model_copy(update={"tick": 2**53 - 1, "time": 1e12})
-    teams.bus.connect().send(Envelope(keys.AGREED.key(team="north", sub_team="a", subject=BALL), encode(forged)))
+    teams.bus.connect().send(put(forged, team="north"))
     teams.run(FORGOTTEN + 2.0, [("north", BALL, SEEN)])
     before = len(teams.said)
     teams.run(3.0, [("north", BALL, SEEN)])
@@ -287,10 +286,9 @@ def test_what_is_remembered_of_a_flood_is_bounded() -> None:
 def test_a_worlds_referee_hears_nothing_of_it() -> None:
     """It has no place, so its uniform beliefs would only spoil the scores of the robots."""
     share, now = new_share()
-    share.receive(Envelope(keys.WORLD.key(team="all"), kind=Kind.ALIVE), now)
+    share.receive(token(keys.WORLD, team="all"), now)
     clock = Clock(run="one", tick=3, time=1.0, mode="lockstep", robots={"a": ["r1"]})
-    out = share.receive(Envelope(keys.CLOCK.key(team="all"), encode(clock)), now)
-    out += share.receive(agreed(BALL, now, r1=now), now)
-    out += share.receive(Envelope(keys.CLOCK.key(team="all"), encode(clock)), now)  # the world asks again
+    again = put(clock, team="all")  # the world asks a second time
+    out = [one for said in (again, agreed(BALL, now, r1=now), again) for one in share.receive(said, now)]
     assert len(reports(out)) == 2
     assert not [envelope.key for envelope in out if keys.SOLO.match(envelope.key)]

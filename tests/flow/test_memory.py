@@ -19,10 +19,18 @@ from tests.flow.streams import Stream
 from tests.heard import Heard
 from tests.scenarios import LEARNS
 from tests.tape.teams import from_tick, recorded_run
+from tests.wire.envelopes import put
 
 
 def memory(service: Any) -> tuple[object, object]:
     return service.board.memory("consensus"), service.board.memory("agreed")
+
+
+def blank(follower: Any, time: float) -> Memory:
+    """A memory of nothing, of the leader of a board."""
+    empty = PackedMemory(learner=PackedLearner())
+    run = follower.clock.followed.run
+    return Memory(board="board-a", sub_team="a", run=run, tick=9, time=time, consensus=empty, agreed=empty)
 
 
 def test_a_board_that_was_restarted_is_as_its_twin() -> None:
@@ -58,18 +66,9 @@ def test_a_leader_that_repeats_its_memory_costs_its_follower_one_a_second(monkey
     assert follower.lead.role is BoardRole.FOLLOWS
     taken: list[Memory] = []
     monkeypatch.setattr(follower.board, "remember", taken.append)
-    said = Memory(
-        board="board-a",
-        sub_team="a",
-        run=follower.clock.followed.run if follower.clock.followed else "",
-        tick=9,
-        time=follower.clock.time(team.now) + 1.0,
-        consensus=PackedMemory(learner=PackedLearner()),
-        agreed=PackedMemory(learner=PackedLearner()),
-    )
-    key = keys.MEMORY.key(team=LEARNS.team.name, sub_team="a", board="board-a")
+    said = blank(follower, follower.clock.time(team.now) + 1.0)
     for _ in range(20):
-        follower.receive(Envelope(key, encode(said)), team.now)
+        follower.receive(put(said), team.now)
     assert taken == [said]
 
 
@@ -112,16 +111,8 @@ def test_a_memory_that_is_none_harms_nobody() -> None:
     team = InProcessTeam(LEARNS.changed("team", boards=2).changed("time", seconds=4.0))
     team.run_until(lambda: team.world.tick == 4)
     follower = team.boards["a2"]
-    before = memory(follower)
-    run = follower.clock.followed.run  # type: ignore[union-attr]
-    empty = PackedMemory(learner=PackedLearner())
-    blank = Memory(board="board-a", sub_team="a", run=run, tick=9, time=99.0, consensus=empty, agreed=empty)
-    key = keys.MEMORY.key(team="t", sub_team="a", board="board-a")
-    for wrong in (
-        blank,
-        blank.model_copy(update={"run": "x", "time": 2.0}),
-        blank.model_copy(update={"board": "board-b"}),
-    ):
-        follower.receive(Envelope(key, encode(wrong)), team.now)
+    before, late = memory(follower), blank(follower, 99.0)
+    for changes in ({}, {"run": "x", "time": 2.0}, {"board": "board-b"}):
+        follower.receive(Envelope(put(late).key, encode(late.model_copy(update=changes))), team.now)
     assert memory(follower) == before
     assert follower.refused == {"future": 1, "impostor": 1}

@@ -17,14 +17,14 @@ from blackboard.opinion.grid import Grid
 from blackboard.process.roster import MAX_TOKENS, Roster
 from blackboard.wire import keys
 from blackboard.wire.arrays import pack, unpack
-from blackboard.wire.codec import decode, encode
-from blackboard.wire.envelope import Envelope, Kind
+from blackboard.wire.codec import decode
 from blackboard.wire.messages import Informed, Report, Status
 from blackboard.wire.raw import MAX_BYTES, MAX_TOTAL
 from blackboard.wire.types import MAX_OPINIONS, capped
 from tests.board.desk import Desk, clock, report
 from tests.board.reports import at, new_board, only
 from tests.holdings import grown, holdings
+from tests.wire.envelopes import put, token, world
 
 TINY = Grid((3,))
 NO_ENTRY = Entry(0, 0.0, ())
@@ -59,7 +59,7 @@ def test_statuses_of_invented_robots_and_boards_leave_nothing_behind(world: bool
         phase: Any = "reported" if kind == "robot" else "consensus"
         said = Status(process=f"x{i}", kind=kind, tick=0, time=0.0, phase=phase, subjects=subjects)  # type: ignore[arg-type]
         sub_team = "a" if kind == "robot" else f"z{i}"
-        desk.tell(Envelope(keys.STATUS.key(team="t", sub_team=sub_team, process=f"x{i}"), encode(said)))
+        desk.tell(put(said, sub_team=sub_team))
     held = grown(before, holdings(desk.service.reception, "reception"))
     assert {path for path in held if "intake" not in path} == set()
 
@@ -87,15 +87,15 @@ def test_the_world_keeps_only_what_it_sums_up() -> None:
 
 
 def test_invented_tokens_are_bounded_and_the_world_s_is_still_seen() -> None:
-    own = keys.BOARD.key(team="t", sub_team="a", board="a")
-    roster = Roster(own)
+    own = token(keys.BOARD, "a")
+    roster = Roster(own.key)
     for i in range(MAX_TOKENS + 100):
-        roster.hear_token(Envelope(keys.MEMBER.key(team="t", sub_team=f"z{i}", robot="x"), kind=Kind.ALIVE), 0.0)
+        roster.hear_token(token(keys.MEMBER, "x", sub_team=f"z{i}"), 0.0)
     assert len(roster.tokens) == max(holdings(roster, "roster").values()) == MAX_TOKENS
-    roster.hear_token(Envelope(keys.WORLD.key(team="t"), kind=Kind.ALIVE), 0.0)
-    roster.hear_token(Envelope(own, kind=Kind.ALIVE), 0.0)
+    roster.hear_token(world(), 0.0)
+    roster.hear_token(own, 0.0)
     assert roster.world
-    assert own in roster.tokens
+    assert own.key in roster.tokens
 
 
 # --- room for the sub-team's own ------------------------------------------------------------------------------------------
@@ -186,5 +186,5 @@ def test_a_robot_s_list_counts_only_with_its_token() -> None:
     desk.register("r1")
     desk.tell(clock(0, "r1"), report("r1", 0))
     said = Status(process="r9", kind="robot", tick=0, time=0.0, phase="reported", subjects=["object/ball"])
-    desk.tell(Envelope(keys.STATUS.key(team="t", sub_team="a", process="r9"), encode(said)))
+    desk.tell(put(said))
     assert desk.status().refused == {"unregistered": 1}

@@ -7,13 +7,14 @@ import pytest
 
 from blackboard.board.fusion import fuse_opinions
 from blackboard.wire import keys
-from blackboard.wire.codec import decode, encode
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import Informed, Report, Status
 from tests.board.desk import NOW, Desk, clock, report, reported
 from tests.hostile.attack import Attack, calm, report_key, status_key
 from tests.robot_agent.services import kinds, new_service, readings
 from tests.scenarios import JOINT, SCENARIO
+from tests.wire.envelopes import put
 from tests.wire.messages import as_map
 
 READING = keys.READING.key(team="t", robot="r2")
@@ -236,7 +237,7 @@ def test_a_subject_that_cannot_be_fused_does_not_stop_the_others(monkeypatch: py
 
     monkeypatch.setattr("blackboard.board.board.fuse_opinions", fails)
     own = decode(Report, report("r1", 0).payload).model_copy(update={"subject": "robot/r1"})
-    desk.tell(report("r1", 0), Envelope(report_key("r1", "robot/r1"), encode(own)))
+    desk.tell(report("r1", 0), put(own))
     said = desk.tell(reported("r1", 0, "object/ball", "robot/r1"))
     assert [e.key for e in said if "/status/" not in e.key] == ["cop/t/a/consensus/robot/r1", "cop/t/a/agreed/robot/r1"]
     assert desk.status().counters["failed"] == 1

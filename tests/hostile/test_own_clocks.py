@@ -12,6 +12,7 @@ from tests.board.desk import NOW, Desk, board_of, levels, report
 from tests.holdings import holdings
 from tests.hostile.examples import status
 from tests.hostile.fuzz import hostile, places
+from tests.wire.envelopes import put
 from tests.wire.messages import as_map
 
 
@@ -53,7 +54,7 @@ def test_a_robot_s_speed_and_clock_concern_that_robot_only() -> None:
         desk = Desk(world=False, period=0.5)
         desk.register("r1", "x1")
         said = status("x1", "robot", subjects=[], speed=speed, sent=desk.now + ahead, echo={"a/a": (NOW, 0.0)})
-        desk.tell(Envelope(keys.STATUS.key(team="t", sub_team="a", process="x1"), msgpack.packb(as_map(said))))
+        desk.tell(put(said))
         desk.tell(report("r1", 1, time=desk.now))
         desk.wait(0.6)
         payloads.append([e.payload for e in desk.said if "/agreed/" in e.key])

@@ -31,11 +31,9 @@ from blackboard.process.service import Around, Checked, Service
 from blackboard.tape.file import TapeWriter
 from blackboard.tape.journal import Journaled, digest
 from blackboard.tape.recorder import Recorder
-from blackboard.wire import keys
 from blackboard.wire.arrays import pack
-from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
-from blackboard.wire.messages import Consensus, Readings, Status, Truth
+from blackboard.wire.messages import Readings, Status, Truth
 from robot_agent.config import settings_of
 from robot_agent.driven import Driven, SinceStep
 from robot_agent.gaussian.sensors import sensors_of
@@ -62,6 +60,7 @@ from tests.nights.events import (
     said,
 )
 from tests.nights.night import CELLS, Night
+from tests.wire.envelopes import consensus, put
 
 #: One step of a joint in so many is made by a board for itself: boards that differ once differ from then on, and are noticed.
 ALONE = 5
@@ -411,11 +410,8 @@ class Stage(Scheduler):
         more: dict[str, Any] = {"tick": 0, "time": self.now}
         for name in crowd.names if at == crowd.begin else ():
             status = Status(process=name, kind="robot", phase="reported", subjects=["object/ball"], **more)
-            said = Consensus(board=name, sub_team=sub_team, level="agreed", subject=f"object/{name}", belief=belief,
-                             ancestors={}, used=[], entropy=0.0, conflict=False, rule="coalition", **more)  # fmt: skip
-            at_status = keys.STATUS.key(team="t", sub_team=sub_team, process=name)
-            at_agreed = keys.AGREED.key(team="t", sub_team=sub_team, subject=said.subject)
-            for envelope in (Envelope(at_status, encode(status)), Envelope(at_agreed, encode(said))):
+            said = consensus(belief, f"object/{name}", board=name, sub_team=sub_team, entropy=0.0, **more)
+            for envelope in (put(status, sub_team=sub_team), put(said)):
                 self.strange.add(digest(envelope))
                 self.bus.send(envelope)
 
@@ -438,8 +434,7 @@ class Stage(Scheduler):
         if isinstance(to.machine, Driven):
             self._step(to, to.machine, readings)
             return
-        key = keys.READING.key(team="t", robot=readings.robot)
-        self.bus.deliver(self.link(to), Envelope(key, encode(readings)))
+        self.bus.deliver(self.link(to), put(readings))
 
     def _step(self, to: Watched, machine: Driven, readings: Readings) -> None:
         """Let a robot's program make a step with what its sensors measured since the last one. A frozen program makes it later."""

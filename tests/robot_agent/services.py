@@ -6,9 +6,11 @@ from blackboard.opinion.belief import gaussian
 from blackboard.opinion.grid import Grid
 from blackboard.wire import keys
 from blackboard.wire.envelope import Envelope
-from blackboard.wire.messages import Clock, Fix, Odometry, Readings
+from blackboard.wire.messages import Clock, Fix, Odometry
 from robot_agent.config import RobotSection
 from robot_agent.service import AgentService
+from tests.robot_agent.robots import measured
+from tests.wire import envelopes
 from tests.wire.envelopes import consensus, opened, put, token
 
 GRID = Grid((20, 20))
@@ -25,16 +27,9 @@ def new_service(*told: Envelope) -> AgentService:
 
 
 def readings(tick: int, run: str = "x", time: float | None = None) -> Envelope:
-    message = Readings(
-        run=run,
-        robot="r1",
-        tick=tick,
-        time=0.2 * tick if time is None else time,
-        odometry=Odometry(distance=0.1, turn=0.0, dt=0.2),
-        compass=0.0,
-        fix=None if tick else Fix(position=(10.0, 10.0), sigma=1.0),
-    )
-    return put(message)
+    what = {"odometry": Odometry(distance=0.1, turn=0.0, dt=0.2), "compass": 0.0}
+    fix = None if tick else Fix(position=(10.0, 10.0), sigma=1.0)
+    return put(measured(tick, run=run, time=0.2 * tick if time is None else time, fix=fix, **what))
 
 
 def clock(tick: int, run: str = "x", *, settled: Iterable[str] = (), end: bool = False) -> Envelope:
@@ -50,4 +45,4 @@ def agreed(tick: int, subject: str = "robot/r1", board: str = "board-a", time: f
 
 
 def kinds(answers: Iterable[Envelope]) -> list[str]:
-    return [type(message).__name__ for message in opened(answers)]
+    return envelopes.kinds(opened(answers))

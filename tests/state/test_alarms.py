@@ -11,12 +11,22 @@ from blackboard.state.fold import Fold
 from blackboard.state.team import TeamFold
 from blackboard.view.summary import alarm_lines, summary, team_summary, text
 from blackboard.wire import keys
-from blackboard.wire.codec import decode, encode
+from blackboard.wire.codec import decode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Dissent, LeftOut, Refusal, Status
 from tests.view.recorded import folded, recorded
+from tests.wire.envelopes import put, token, world
 
-R1 = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
+BOARD = token(keys.BOARD, "board-a")
+
+
+def of_r1(kind: Kind) -> Envelope:
+    return token(keys.MEMBER, "r1", kind=kind)
+
+
+def said(**fields: Any) -> Envelope:
+    """A status of the board, in its first tick if nothing else is said."""
+    return put(Status(**{"process": "board-a", "kind": "board", "tick": 0, "time": 0.0, **fields}))
 
 
 @cache
@@ -49,25 +59,24 @@ def test_what_lasts_stands_before_what_is_over_and_the_oldest_that_are_over_go()
 
 def test_a_robot_that_goes_and_comes_back_is_told_for_a_minute() -> None:
     fold = folded()
-    fold.hear_envelope(Envelope(R1, kind=Kind.GONE), 1_000_010.0)
+    fold.hear_envelope(of_r1(Kind.GONE), 1_000_010.0)
     team = summary(fold, 1_000_022.0)["teams"][0]
     assert ("gone", "r1", 12.0, None) in [
         (alarm["what"], alarm["who"], alarm["for"], alarm["over"]) for alarm in team["alarms"]
     ]
     assert "! r1 is gone, for 12 s" in text(summary(fold, 1_000_022.0))
-    fold.hear_envelope(Envelope(R1, kind=Kind.ALIVE), 1_000_030.0)
+    fold.hear_envelope(of_r1(Kind.ALIVE), 1_000_030.0)
     assert "! r1 is gone, for 20 s; over since 10 s" in text(summary(fold, 1_000_040.0))
     assert not any("r1 is gone" in line for line in alarm_lines(team_summary(fold.teams["t"], 1_000_200.0)))
 
 
 @pytest.mark.parametrize("token_first", [False, True])
 def test_the_world_at_the_end_of_its_run_is_no_alarm(token_first: bool) -> None:
-    fold, world = Fold(), keys.WORLD.key(team="t")
-    fold.hear_envelope(Envelope(world, kind=Kind.ALIVE), 1.0)
+    fold, gone = Fold(), world(Kind.GONE)
+    fold.hear_envelope(world(), 1.0)
     clock = Clock(run="x", tick=3, time=1.0, mode="realtime")
-    fold.hear_envelope(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 2.0)
-    last = Envelope(keys.CLOCK.key(team="t"), encode(clock.model_copy(update={"end": True})))
-    gone = Envelope(world, kind=Kind.GONE)
+    fold.hear_envelope(put(clock), 2.0)
+    last = put(clock.model_copy(update={"end": True}))
     for envelope in (gone, last) if token_first else (last, gone):
         fold.hear_envelope(envelope, 3.0)
     assert fold.teams["t"].alarms.all() == []
@@ -76,10 +85,8 @@ def test_the_world_at_the_end_of_its_run_is_no_alarm(token_first: bool) -> None:
 
 def test_a_robot_that_went_before_anybody_looked_is_known_by_its_board() -> None:
     fold = Fold()
-    said = Status(process="board-a", kind="board", tick=4, time=2.0, ages={"r1": 0.1, "r3": 12.0, "r4": 500.0})
-    fold.hear_envelope(Envelope(keys.BOARD.key(team="t", sub_team="a", board="board-a"), kind=Kind.ALIVE), 100.0)
-    fold.hear_envelope(Envelope(R1, kind=Kind.ALIVE), 100.0)
-    fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 100.0)
+    for envelope in (BOARD, of_r1(Kind.ALIVE), said(ages={"r1": 0.1, "r3": 12.0, "r4": 500.0})):
+        fold.hear_envelope(envelope, 100.0)
     rows = {process["name"]: process for process in summary(fold, 100.0)["teams"][0]["processes"]}
     assert (rows["r3"]["state"], rows["r3"]["age"]) == ("gone", 12.0)
     assert "r4" not in rows
@@ -90,11 +97,10 @@ def test_a_robot_that_went_before_anybody_looked_is_known_by_its_board() -> None
 @pytest.mark.parametrize("named_first", [False, True])
 def test_a_robot_of_the_scenario_that_its_board_heard_long_ago_is_gone_since_then(named_first: bool) -> None:
     fold = Fold()
-    said = Status(process="board-a", kind="board", tick=4, time=2.0, ages={"r2": 218.2, "r4": 218.2})
     if named_first:
         fold.expect("t", {"a": ["r2"]})
-    fold.hear_envelope(Envelope(keys.BOARD.key(team="t", sub_team="a", board="board-a"), kind=Kind.ALIVE), 1000.0)
-    fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 1000.0)
+    for envelope in (BOARD, said(ages={"r2": 218.2, "r4": 218.2})):
+        fold.hear_envelope(envelope, 1000.0)
     if not named_first:
         fold.expect("t", {"a": ["r2"]})
     shown = text(summary(fold, 1000.0))
@@ -106,10 +112,9 @@ def test_a_robot_of_the_scenario_that_its_board_heard_long_ago_is_gone_since_the
 def test_a_robot_of_the_scenario_that_a_board_waits_for_is_an_alarm_until_it_comes() -> None:
     fold = Fold()
     fold.expect("t", {"a": ["r1", "r2"]})
-    said = Status(process="board-a", kind="board", tick=0, time=0.0, lacks=["robot/r1", "robot/r7", "board/b/x"])
-    fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), 100.0)
+    fold.hear_envelope(said(lacks=["robot/r1", "robot/r7", "board/b/x"]), 100.0)
     assert alarm_lines(summary(fold, 107.0)["teams"][0]) == ["! r1 is waited for and was never heard, for 7 s"]
-    fold.hear_envelope(Envelope(R1, kind=Kind.ALIVE), 110.0)
+    fold.hear_envelope(of_r1(Kind.ALIVE), 110.0)
     assert [alarm.until for alarm in fold.teams["t"].alarms.all()] == [110.0]
 
 
@@ -117,17 +122,15 @@ def test_a_robot_that_a_board_hears_again_is_gone_no_longer() -> None:
     """Before, only the first age that a board told was used. So a robot that came back was still shown as gone."""
     fold = Fold()
     fold.expect("t", {"a": ["r1", "r2"]})
-    told: list[dict[str, Any]] = [{"ages": {"r2": 218.2}, "lacks": ["robot/r1"]}, {"ages": {"r1": 0.5, "r2": 0.5}}]
-    for at, more in zip((1000.0, 1010.0), told, strict=True):
-        said = Status(process="board-a", kind="board", tick=0, time=0.0, **more)
-        fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="board-a"), encode(said)), at)
+    fold.hear_envelope(said(ages={"r2": 218.2}, lacks=["robot/r1"]), 1000.0)
+    fold.hear_envelope(said(ages={"r1": 0.5, "r2": 0.5}), 1010.0)
     assert "gone 218 s" not in text(summary(fold, 1010.0))
     assert all(alarm.until is not None for alarm in fold.teams["t"].alarms.all())
 
 
 def test_since_when_a_robot_is_gone_is_the_same_in_its_row_and_its_alarm() -> None:
     fold = folded()
-    fold.hear_envelope(Envelope(R1, kind=Kind.GONE), 1_000_010.0)
+    fold.hear_envelope(of_r1(Kind.GONE), 1_000_010.0)
     shown = text(summary(fold, 1_000_022.0))
     assert "gone 12 s" in shown
     assert "! r1 is gone, for 12 s" in shown
@@ -208,11 +211,8 @@ def test_a_robot_that_is_refused_for_some_time_is_named_once() -> None:
     for n in range(4):
         refusal = Refusal(board="b", sub_team="a", robot="r7", time=float(n), reason="guest", text="not named", count=n)
         status = Status(process="b", kind="board", tick=n, time=float(n), refused={"guest": 5 * n + 1})
-        for key, message in (
-            (keys.REFUSED.key(team=team, sub_team="a", robot="r7"), refusal),
-            (keys.STATUS.key(team=team, sub_team="a", process="b"), status),
-        ):
-            fold.hear_envelope(Envelope(key, encode(message)), float(n))
+        for message in (refusal, status):
+            fold.hear_envelope(put(message), float(n))
         if n < 2:
             assert fold.teams[team].alarms.all() == []
     (alarm,) = fold.teams[team].alarms.all()
@@ -265,9 +265,8 @@ def test_a_moment_waits_for_a_belief_that_its_status_overtook() -> None:
     team = settled(3)
     consensus = agreed().model_copy(update={"tick": 3, "time": 1.5})
     said = Status(process="b", kind="board", phase="agreed", subjects=[consensus.subject], tick=3, time=1.5)
-    token = keys.BOARD.key(team="t", sub_team=consensus.sub_team, board="b")
     parts = {"team": "t", "sub_team": consensus.sub_team, "board": "b"}
-    team.hear_token(keys.BOARD, parts, Envelope(token, kind=Kind.ALIVE), 1.0)
+    team.hear_token(keys.BOARD, parts, token(keys.BOARD, "b", sub_team=consensus.sub_team), 1.0)
     team.hear_message({"sub_team": consensus.sub_team}, said, 1, 1.5)
     assert team.moments.newest is not None
     assert team.moments.newest.tick == 2

@@ -21,6 +21,7 @@ from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Clock, Consensus, Report, Status, Truth
 from tests.holdings import holdings
 from tests.view.recorded import recorded, team_of
+from tests.wire.envelopes import put, token
 
 
 def of(model: type, name: str, joint: bool = False) -> list[Any]:
@@ -78,9 +79,8 @@ def test_processes_their_ticks_and_who_is_there() -> None:
 
 def test_a_token_that_vanishes_is_noted_with_its_time() -> None:
     fold = Fold()
-    token = keys.MEMBER.key(team="t", sub_team="a", robot="r1")
-    fold.hear_envelope(Envelope(token, kind=Kind.ALIVE), 1.0)
-    fold.hear_envelope(Envelope(token, kind=Kind.GONE), 3.0)
+    fold.hear_envelope(token(keys.MEMBER, "r1"), 1.0)
+    fold.hear_envelope(token(keys.MEMBER, "r1", kind=Kind.GONE), 3.0)
     team = fold.teams["t"]
     process = team.processes["robot", "r1"]
     assert not process.alive
@@ -99,8 +99,7 @@ def test_another_run_begins_with_nothing() -> None:
     fold = Fold()
     for envelope, now in recorded():
         fold.hear_envelope(envelope, now)
-    clock = Clock(run="another", tick=0, time=0.0, mode="lockstep")
-    fold.hear_envelope(Envelope(keys.CLOCK.key(team="t"), encode(clock)), 5.0)
+    fold.hear_envelope(put(Clock(run="another", tick=0, time=0.0, mode="lockstep")), 5.0)
     assert len(fold.teams["t"].moments) == 0
     assert fold.teams["t"].processes
 
@@ -187,11 +186,10 @@ def test_a_tick_that_cannot_have_begun_hides_nothing() -> None:
 def test_names_without_end_are_refused() -> None:
     fold = Fold()
     for n in range(1000):
-        token = keys.MEMBER.key(team=f"t{n}", sub_team="a", robot="r1")
-        fold.hear_envelope(Envelope(token, kind=Kind.ALIVE), 0.0)
+        fold.hear_envelope(token(keys.MEMBER, "r1", team=f"t{n}"), 0.0)
     assert len(fold.teams) == MAX_TEAMS
     for n in range(2000):
-        fold.hear_envelope(Envelope(keys.MEMBER.key(team="t0", sub_team=f"s{n}", robot=f"r{n}"), kind=Kind.ALIVE), 0.0)
+        fold.hear_envelope(token(keys.MEMBER, f"r{n}", team="t0", sub_team=f"s{n}"), 0.0)
     assert len(fold.teams["t0"].processes) == MAX_PROCESSES
     assert fold.refused["too-many"] > 1000
 

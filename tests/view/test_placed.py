@@ -6,24 +6,20 @@ from blackboard.opinion.belief import uniform
 from blackboard.opinion.grid import Anchor, Grid
 from blackboard.state.fold import Fold
 from blackboard.view.frame import frame
-from blackboard.wire import keys
 from blackboard.wire.arrays import pack, packed_grid
-from blackboard.wire.codec import encode
-from blackboard.wire.envelope import Envelope
 from blackboard.wire.messages import PackedAnchor, PackedGrid, Status
 from blackboard.wire.types import Message
 from tests.view.recorded import read
+from tests.wire.envelopes import put
 from tests.wire.messages import CONSENSUS
 
 GRID = Grid((9, 7), 0.5, (1.0, -2.0), "m", "map")
-STATUS = keys.STATUS.key(team="t", sub_team="a", process="a1")
-AGREED = keys.AGREED.key(team="t", sub_team="a", subject="object/ball")
 
 
-def folded(*messages: tuple[str, Message]) -> Fold:
+def folded(*messages: Message) -> Fold:
     fold = Fold()
-    for key, message in messages:
-        fold.hear_envelope(Envelope(key, encode(message)), 1.0)
+    for message in messages:
+        fold.hear_envelope(put(message), 1.0)
     return fold
 
 
@@ -34,7 +30,7 @@ def status(grid: PackedGrid) -> Status:
 
 def test_the_frame_and_the_anchor_reach_the_page() -> None:
     belief = CONSENSUS.model_copy(update={"level": "agreed", "belief": pack(uniform(GRID))})
-    fold = folded((STATUS, status(packed_grid(GRID))), (AGREED, belief))
+    fold = folded(status(packed_grid(GRID)), belief)
     team = fold.teams["t"]
     assert team.grid == GRID
     assert team.grid.anchor == Anchor(59.3, 18.1, 90.0)
@@ -48,6 +44,6 @@ def test_a_grid_that_is_none_is_refused(shape: tuple[int, ...]) -> None:
     wrong = packed_grid(GRID).model_copy(update={"shape": shape})
     belief = pack(uniform(GRID)).model_copy(update={"grid": wrong})
     consensus = CONSENSUS.model_copy(update={"level": "agreed", "belief": belief})
-    fold = folded((STATUS, status(wrong)), (AGREED, consensus))
+    fold = folded(status(wrong), consensus)
     assert fold.refused == {"fields": 2}
     assert fold.teams["t"].grid is None

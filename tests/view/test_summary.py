@@ -12,11 +12,11 @@ from blackboard.state.processes import Process
 from blackboard.view.echo import Rates, in_order, key_expression, line
 from blackboard.view.summary import subject, subject_lines, summary, text
 from blackboard.wire import keys
-from blackboard.wire.codec import encode
 from blackboard.wire.envelope import Envelope, Kind
 from blackboard.wire.messages import Status, UnnamedSighting
 from tests.present import present
 from tests.view.recorded import folded, recorded
+from tests.wire.envelopes import put, token
 
 
 def test_the_summary_is_json_and_its_text_names_everybody() -> None:
@@ -33,7 +33,7 @@ def test_the_summary_is_json_and_its_text_names_everybody() -> None:
 
 def test_a_process_that_says_nothing_is_silent_and_one_without_a_token_gone() -> None:
     fold = folded()
-    fold.hear_envelope(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.GONE), 1_000_001.0)
+    fold.hear_envelope(token(keys.MEMBER, "r1", kind=Kind.GONE), 1_000_001.0)
     states = {process["name"]: process["state"] for process in summary(fold, 1_000_100.0)["teams"][0]["processes"]}
     assert (states["r1"], states["r2"]) == ("gone", "silent")
 
@@ -41,8 +41,8 @@ def test_a_process_that_says_nothing_is_silent_and_one_without_a_token_gone() ->
 def test_a_process_that_noticed_another_of_its_name_says_so() -> None:
     fold = Fold()
     said = Status(process="r1", kind="robot", tick=1, time=0.0, counters={"namesakes": 2})
-    fold.hear_envelope(Envelope(keys.MEMBER.key(team="t", sub_team="a", robot="r1"), kind=Kind.ALIVE), 1.0)
-    fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team="a", process="r1"), encode(said)), 1.0)
+    fold.hear_envelope(token(keys.MEMBER, "r1"), 1.0)
+    fold.hear_envelope(put(said), 1.0)
     assert "alive, namesakes 2" in text(summary(fold, 1.0))
 
 
@@ -143,7 +143,7 @@ def test_tracks_and_sightings_without_a_name_are_counted_once_for_all_boards() -
     for board, born in (("a", 3), ("b", 2)):
         counters = {"tracks_born": born, "tracks_died": 1, "unnamed_ambiguous": 7}
         said = Status(process=board, kind="board", tick=1, time=0.0, counters=counters)
-        fold.hear_envelope(Envelope(keys.STATUS.key(team="t", sub_team=board, process=board), encode(said)), 1.0)
+        fold.hear_envelope(put(said, sub_team=board), 1.0)
     team = summary(fold, 1.0)["teams"][0]
     assert team["unnamed"] == {"born": 3, "died": 1, "taken": 0, "ambiguous": 7, "strange": 0}
     assert "without a name: 3 tracks began, 1 ended; sightings: 0 clear, 7 ambiguous" in text(summary(fold, 1.0))
