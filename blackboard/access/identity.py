@@ -98,22 +98,22 @@ def find_link(directory: str) -> Identity:
     return find(directory, f"link/{links[0]}")
 
 
-def find(directory: str, who: str, begins: str = "--keys ") -> Identity:
+def find(directory: str, who: str, given: str = "--keys ") -> Identity:
     """The identity of a process, `who` being "robot/r1", "board/board-a" or a kind of which a team has one.
 
-    UserError: there is none, or its private key may be read by everybody or not by this process. `begins` is how its line begins,
-    before the directory: as the one who gave the directory spells that.
+    UserError: there is none, or its private key may be read by everybody or not by this process. Its text begins with the flag or
+    argument that gave the directory, `given`.
     """
     root = Path(directory)
     folder = root / who.replace("/", ".", 1)
     if not root.is_dir():
         raise UserError(
-            f"{begins}{directory}: no such directory; `blackboard keys init SCENARIO --dir {directory}` makes it"
+            f"{given}{directory}: no such directory; `blackboard keys init SCENARIO --dir {directory}` makes it"
         )
     kind, _, name = who.partition("/")
     if kind not in KINDS:
         raise UserError(
-            f"{begins}{directory}: there is no certificate for a {kind}; leave --keys out, for a router without keys"
+            f"{given}{directory}: there is no certificate for a {kind}; leave --keys out, for a router without keys"
         )
     try:
         member = CertificateHolder.from_dict(json.loads((folder / MEMBER).read_bytes()))
@@ -122,15 +122,15 @@ def find(directory: str, who: str, begins: str = "--keys ") -> Identity:
             (folder / file).open("rb").close()
     except FileNotFoundError as error:
         add = f"`blackboard keys add {name or kind} --kind {kind} --dir {directory}` makes one"
-        raise UserError(f"{begins}{directory}: no certificate of {who} ({error.filename} is missing); {add}") from None
+        raise UserError(f"{given}{directory}: no certificate of {who} ({error.filename} is missing); {add}") from None
     except PermissionError as error:
         raise UserError(
-            f"{begins}{directory}: {error.filename} cannot be read by user {os.geteuid()}; run as the owner of the keys"
+            f"{given}{directory}: {error.filename} cannot be read by user {os.geteuid()}; run as the owner of the keys"
         ) from None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UserError(f"{begins}{directory}: {folder / MEMBER} cannot be used ({error})") from None
+        raise UserError(f"{given}{directory}: {folder / MEMBER} cannot be used ({error})") from None
     if mode & 0o007:
-        raise UserError(f"{begins}{directory}: everybody can read {folder / KEY}: chmod o-rwx {folder / KEY}")
+        raise UserError(f"{given}{directory}: everybody can read {folder / KEY}: chmod o-rwx {folder / KEY}")
     if member.who != who:
-        raise UserError(f"{begins}{directory}: {folder} holds the certificate of {member.who}, not of {who}")
+        raise UserError(f"{given}{directory}: {folder} holds the certificate of {member.who}, not of {who}")
     return Identity(member, folder)

@@ -31,10 +31,11 @@ class Spelling:
     endpoint: str  # as a line begins that gives one
     endpoints: str
     keys: str
+    directory: str  # as a line begins that gives the directory of keys
 
 
-FLAGS = Spelling("-e ", "-e or -l", "--keys")
-ARGUMENTS = Spelling("endpoint=", "endpoint=", "keys=")  # of a call in Python
+FLAGS = Spelling("-e ", "-e or -l", "--keys", "--keys ")
+ARGUMENTS = Spelling("endpoint=", "endpoint=", "keys=", "keys=")  # of a call in Python
 
 
 def fault(endpoints: list[str], identity: Identity | None, *, last: bool, spelling: Spelling = FLAGS) -> str | None:

@@ -62,9 +62,9 @@ def gallery(folder: Path) -> Path:
     shown = []
     for file in sorted(folder.glob("*.svg")):
         match = re.search(r"<dc:title>(.*?)</dc:title>", file.read_text(encoding="utf-8"), re.DOTALL)
-        title = match[1] if match else file.stem  # text of an XML file: escaped already
-        if not title.startswith(("Fig. ", file.stem)):  # figures of the paper are named by their titles
-            title = f"{file.stem}: {title}"
+        title = f"{file.stem}: {match[1]}" if match else file.stem  # text of an XML file: escaped already
+        if match and match[1].startswith("Fig. "):  # the title of a figure of the paper names it already
+            title = match[1]
         shown.append(f'<figure><img src="{file.name}" alt="{title}"><figcaption>{title}</figcaption></figure>')
     page = folder / "index.html"
     with writing(page):

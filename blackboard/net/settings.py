@@ -69,7 +69,7 @@ class LinkConfig:
 
     def identity(self) -> Identity | None:
         """The certificate of this process, or None without keys. UserError: the directory has none that can be used."""
-        return None if self.keys is None else find(self.keys, self.who, "keys=" if self.called else "--keys ")
+        return None if self.keys is None else find(self.keys, self.who, self.spelling.directory)
 
     def _link_settings(self) -> dict[str, Any]:
         """The certificate with which a router with keys connects to another one; nothing where it connects to none."""
