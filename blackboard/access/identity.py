@@ -106,7 +106,7 @@ def find(directory: str, who: str, given: str = "--keys ") -> Identity:
     """
     root = Path(directory)
     folder = root / who.replace("/", ".", 1)
-    if not root.is_dir():
+    if not os.path.isdir(root):  # Path.is_dir raises OSError where the name is too long
         raise UserError(
             f"{given}{directory}: no such directory; `blackboard keys init SCENARIO --dir {directory}` makes it"
         )

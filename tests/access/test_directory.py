@@ -176,9 +176,10 @@ def test_what_would_leave_the_door_ajar_is_a_mistake_in_one_line(
 
 
 def test_without_a_directory_the_line_says_how_to_make_one(tmp_path: Path) -> None:
-    for called, begin in ((False, "--keys "), (True, "keys=")):
+    no_name = "x" * 5000  # longer than a file's name may be
+    for folder, called, begin in (("nowhere", False, "--keys "), ("nowhere", True, "keys="), (no_name, True, "keys=")):
         with pytest.raises(UserError, match=f"^{begin}.*: no such directory; `blackboard keys init SCENARIO --dir"):
-            LinkConfig(keys=str(tmp_path / "nowhere"), called=called).build("x")
+            LinkConfig(keys=str(tmp_path / folder), called=called).build("x")
     with pytest.raises(UserError, match="no authority there"):
         directory.load(tmp_path)
 
