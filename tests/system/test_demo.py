@@ -49,8 +49,11 @@ def test_the_same_scenario_and_seed_twice_are_identical_to_the_bit(tmp_path: Pat
 def test_more_robots_and_real_time() -> None:
     run = blackboard("demo", "--robots", "8", "--seconds", "3", "--realtime", "--json")
     card = json.loads(run.stdout)
-    assert set(card["scores"]["robots"]["by_name"]) == {f"r{i}" for i in range(1, 9)}
     assert card["mode"] == "realtime"
+    assert card["ticks"] == 15
+    scored = {f"robot/{name}" for name in card["scores"]["robots"]["by_name"]}
+    # A slow machine comes too late for some samples, and the card then names the robots that lack them.
+    assert scored | card["missing"].keys() >= {f"robot/r{i}" for i in range(1, 9)}
 
 
 def test_ctrl_c_in_the_middle_gives_the_scorecard_until_then_and_leaves_no_orphan() -> None:
