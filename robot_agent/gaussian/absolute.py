@@ -1,9 +1,10 @@
 """What is measured absolutely, a fix and a compass: a pose to begin with, and corrections of a robot in a joint.
 
 Other people's GPS and compasses err in ways that nobody told. Two fixes in a row, less the way between them by odometry, show the
-independent noise of each. Where it is larger than claimed, it counts. Where it is surely smaller, the claimed variance stays, and
-the rest of it counts as an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as
-one at the gate does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
+independent noise of each; two headings do so, less the turn. (Their distance from the belief would also hold errors that last.)
+Where the noise is larger than claimed, it counts. Where it is surely smaller, the claimed variance of fixes stays, and the rest of it
+counts as an error that lasts, as of satellites and their reflections. A reading beyond the gate moves the belief as one at the gate
+does, and one that is twice as far off not at all (Hampel, JASA 69, 1974).
 
 Where fixes err by far more than they claim, the filter takes their errors for a wrong scale of the wheels. So fixes change no scale
 until their noise is known. Such a model is called cut (Plummer, Statistics and Computing 25(1), 2015).
@@ -127,6 +128,8 @@ class AbsoluteSensors:
     _newest: Fix | None = None
     _headed: float = 0.0  # radians: the robot's heading at the newest fix
     _since: Joint | None = None  # the robot's motion since the newest fix, by odometry
+    # By sensor, the newest heading, moved on by odometry since, and its claimed variance (rad^2).
+    _headed_since: dict[str, tuple[Joint, float]] = field(default_factory=dict)
     _beyond: dict[str, Beyond] = field(default_factory=dict)  # by sensor
 
     def __post_init__(self) -> None:
@@ -157,6 +160,7 @@ class AbsoluteSensors:
     def forget(self) -> None:
         """The belief was given up: the next fix is not compared with the one before."""
         self._newest, self._since = None, None
+        self._headed_since.clear()
         self._beyond.clear()
         self.drifting.forget()
 
@@ -173,9 +177,10 @@ class AbsoluteSensors:
         return any(replace(beyond, until=time).is_lasting for beyond in self._beyond.values())
 
     def move(self, motion: Motion) -> None:
-        """Move on from the newest fix by odometry."""
-        if self._since is not None:
-            drive(self._since, self.robot, motion, self.nuisance)
+        """Move on from the newest fix and headings by odometry."""
+        for since in (self._since, *(turned for turned, _ in self._headed_since.values())):
+            if since is not None:
+                drive(since, self.robot, motion, self.nuisance)
 
     def without_repeated(self, readings: Readings) -> Readings:
         """The readings without their fix, if that equals the one before: the receiver repeats it."""
@@ -202,7 +207,8 @@ class AbsoluteSensors:
                 _unlearn_scales(joint, self.robot, before)
         for name, (heading, sigma) in headings(readings, compass).items():
             if name != "compass" or not self._is_open:
-                self._take_heading(joint, name, heading_factor(joint, self.robot, heading, sigma), readings.time)
+                factor = heading_factor(joint, self.robot, heading, sigma)
+                self._take_heading(joint, name, heading, factor, readings.time)
         return fix is not None and not self.doubtful
 
     def reading(self, joint: Joint, readings: Readings, compass: float) -> CompassReading | None:
@@ -225,17 +231,17 @@ class AbsoluteSensors:
         """Correct the robot by a compass that may be askew, at a team time (s); `others` know nothing of its error."""
         claimed = heading_factor(joint, self.robot, reading.heading, reading.sigma)
         known = self.compass.known(joint)
-        self._take_heading(joint, "compass", self.compass.with_errors(claimed, np.eye(1), known), time)
+        self._take_heading(joint, "compass", reading.heading, self.compass.with_errors(claimed, np.eye(1), known), time)
         log = self.headings["compass"].log
         self.compass.on_noise(joint, max(1.0, surely(*log)), at_most(*log))
         sigma = math.sqrt(reading.variance + float(known.covariance[0, 0]))
         for other in others if "compass" not in self._beyond else ():
             correct(other, heading_factor(other, self.robot, reading.heading - float(known.mean[0]), sigma))
 
-    def _take_heading(self, joint: Joint, name: str, claimed: Factor, time: float) -> None:
-        """Take a heading with the noise that it claims or, if that is larger, with the noise that it is found to have."""
+    def _take_heading(self, joint: Joint, name: str, read: float, claimed: Factor, time: float) -> None:
+        """Take a heading (rad) with the noise that it claims or, if that is larger, with the noise that it is found to have."""
         noise = self.headings.setdefault(name, NoiseFactor())
-        self._factors_of(name, noise).weigh(claimed.residual, joint.expected(claimed).spread, claimed.noise[np.newaxis])
+        self._judge_heading(joint, name, read, float(claimed.noise[0, 0]))
         self._correct(joint, name, claimed.widened(max(1.0, surely(*noise.log))), time)
 
     @property
@@ -266,10 +272,18 @@ class AbsoluteSensors:
                 error, led.covariance[AXES, AXES] + swung.covariance, fresh[np.newaxis]
             )
         self._headed = float(belief.mean[HEADING])
-        here = Moments(belief.mean.copy(), belief.covariance.copy())
-        here.mean[AXES] = 0.0
-        here.covariance[AXES] = here.covariance[:, AXES] = 0.0
-        self._newest, self._since = fix, Joint.of({self.robot: here})
+        self._newest, self._since = fix, Joint.of({self.robot: _beginning(belief, AXES)})
+
+    def _judge_heading(self, joint: Joint, name: str, read: float, variance: float) -> None:
+        """Weigh the noise of headings by the difference (rad) of two in a row, less the turn between them by odometry."""
+        if name in self._headed_since:
+            since, before = self._headed_since[name]
+            led, spread = since.moments(self.robot).of(HEADING)
+            fresh = np.array([[[variance + before]]])
+            self._factors_of(name, self.headings[name]).weigh(np.array([wrap(read - led)]), np.array([[spread]]), fresh)
+        here = _beginning(joint.moments(self.robot), HEADING)
+        here.mean[HEADING] = read
+        self._headed_since[name] = Joint.of({self.robot: here}), variance
 
     def _correct(self, joint: Joint, name: str, factor: Factor, time: float) -> None:
         """Take a reading at a team time (s), with as much noise as brings it to the gate."""
@@ -283,6 +297,14 @@ class AbsoluteSensors:
             factor = replace(factor, noise=beyond * innovation.covariance - expected.spread)
         if beyond <= FARTHEST:
             correct(joint, factor)
+
+
+def _beginning(belief: Moments, at: int | slice) -> Moments:
+    """What is believed of a robot, with these states known to be 0; shape (12,) and (12, 12)."""
+    here = Moments(belief.mean.copy(), belief.covariance.copy())
+    here.mean[at] = 0.0
+    here.covariance[at] = here.covariance[:, at] = 0.0
+    return here
 
 
 def _unlearn_scales(joint: Joint, robot: Block, before: Moments) -> None:

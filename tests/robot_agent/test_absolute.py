@@ -264,6 +264,13 @@ def test_a_compass_that_is_askew_is_found_to_be() -> None:
     assert found["compass bias sigma"] <= 0.05
 
 
+def test_a_compass_that_is_askew_is_not_taken_for_a_noisy_one() -> None:
+    """It was for seconds, and the heading went to what it reads."""
+    found = drive(Sensor(compass=COMPASS, askew=0.35), seeds=(12,), seconds=3.0).filter.found()
+    assert found["compass noise"] <= 1.2
+    assert found["compass bias"] >= 0.2
+
+
 @pytest.mark.parametrize(
     ("sensor", "claimed", "every"),
     [(Sensor(antenna=(0.7, 0.0)), CLAIMED, 10), (Sensor(fresh=0.05, compass=COMPASS, antenna=(-0.1, 0.3)), 0.05, 10)],
