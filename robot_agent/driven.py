@@ -217,7 +217,8 @@ class Driven(AgentService):
         if (independence := self.independence) is not None and independence.fed_back and not self._warned:
             self._warned = True
             log.warning(
-                "%s: its beliefs say what the team believed; they count no more while they do: feed nothing back",
+                "%s: its beliefs say what the team believed, and count no more while they do: feed nothing back; "
+                "if you do not, their covariance may be too small",
                 self.robot,
             )
         return self.pose(), out

@@ -98,6 +98,7 @@ class Robot(Membership):
             self._warn(
                 "aside", 'its boards keep no joint, so what it drives to the side is left out: [board] fusion = "joint"'
             )
+        self._warn_of_far("odometry", "distance", distance, math.hypot(moved.distance, moved.aside))
         self._tell(odometry=moved, own=None)
         self._has_driven = True
 
@@ -201,7 +202,7 @@ class Robot(Membership):
         far = None if range is None else known.number("range", range, least=0.0)
         angle = None if bearing is None else known.bearing("bearing", bearing)
         if far is not None:
-            self._warn_of_far("range", range, far, subject)
+            self._warn_of_seen("range", range, far, subject)
         if far is not None and angle is not None:
             both = Sighting(range=far, bearing=angle, range_sigma=sigmas[0], bearing_sigma=sigmas[1], **common)
             self._tell(own=None, sightings=(both,))
@@ -229,7 +230,7 @@ class Robot(Membership):
                 "position", position, f"is farther than {LARGEST:g}, which no message holds: has it another unit?"
             )
         matrix = known.covariance("covariance", covariance, size)
-        self._warn_of_far("position", position, math.hypot(*values[:2]), common["subject"])
+        self._warn_of_seen("position", position, math.hypot(*values[:2]), common["subject"])
         kind = ("position", "pose")[size - 2]
         self._tell(own=None, seen=(Seen(kind=kind, values=values, covariance=upper(matrix), **common),))
 
@@ -244,9 +245,10 @@ class Robot(Membership):
         once. Nothing that came from the team may be in it: neither `pose` nor `agreed`. Sightings of mates and objects go to `see`
         as before, fixes and landmarks into your filter.
         """
-        known = Call("belief")
-        place = known.numbers("mean", mean, (3,))
-        self._posterior(known, np.array(place), known.covariance("covariance", covariance, 3), odometry)
+        known = Call("belief", self._warn)
+        x, y, heading = known.numbers("mean", mean, (3,))
+        place = np.array([x, y, known.angle("heading", heading)])
+        self._posterior(known, place, known.covariance("covariance", covariance, 3), odometry)
 
     def particles(
         self, particles: npt.ArrayLike, odometry: npt.ArrayLike | None = None, weights: npt.ArrayLike | None = None
@@ -257,8 +259,13 @@ class Robot(Membership):
         """
         from robot_agent.driven import of_particles
 
-        known = Call("particles")
+        known = Call("particles", self._warn)
         points = known.array("particles", particles, 3)
+        known.turn("heading", max(points[:, 2], key=abs))
+        if not np.ptp(points, axis=0).any():
+            self._warn(
+                "particles", "particles(particles=...): are all alike, and say that the pose is certain: spread them"
+            )
         share = None if weights is None else known.weights("weights", weights, len(points))
         posterior = of_particles(points, share)
         mean, covariance = (None, None) if posterior is None else (posterior.mean, posterior.covariance)
@@ -271,7 +278,7 @@ class Robot(Membership):
 
     def _posterior(self, known: Call, mean: Any, covariance: Any, odometry: npt.ArrayLike | None) -> None:
         moved = None if odometry is None else self._piece(known, odometry)
-        if (moved is None) != self._has_driven:
+        if (moved is None) != self._has_driven and (moved is not None or self._own):
             told = "was told by odometry() since the last one: leave it out here"
             untold = "give (distance, turn, dt) since the last one, or call odometry() as it comes"
             raise known.wrong("odometry", odometry, told if self._has_driven else untold)
@@ -285,6 +292,9 @@ class Robot(Membership):
         size = next((size for size in (4, 5, 6) if known.shape(odometry) == (size,)), 3)
         distance, turn, dt, *sigmas = known.numbers("odometry", odometry, (size,))
         aside = sigmas.pop() if size in (4, 6) else 0.0
+        if size == 4 and aside:
+            text = "has 4 numbers: the last is the way to the left; one with sigmas has both of them, and so 5 numbers"
+            self._warn("4 numbers", f"odometry={shown(odometry)}: {text}")
         if dt < LEAST:
             raise known.wrong("odometry", odometry, f"dt is {dt:g}; give the seconds that it took, at least {LEAST:g}")
         told = dict(zip(("distance_sigma", "turn_sigma"), sigmas, strict=False))
@@ -336,12 +346,17 @@ class Robot(Membership):
         if self._grid is not None and self._grid.index((x, y)) is None:
             self._warn(what, f"a {what} at ({x:g}, {y:g}) is outside the team's grid: has it another unit or frame?")
 
-    def _warn_of_far(self, argument: str, value: object, distance: float, subject: str) -> None:
-        """Say once that a thing is seen farther away than the team's grid is large; a landmark may stand outside of it."""
+    def _warn_of_seen(self, argument: str, value: object, distance: float, subject: str) -> None:
+        """As `_warn_of_far`; a landmark may stand outside of the grid."""
+        if not subject.startswith("landmark/"):
+            self._warn_of_far("see", argument, value, distance)
+
+    def _warn_of_far(self, method: str, argument: str, value: object, distance: float) -> None:
+        """Say once of an argument that it is a longer way than the team's grid is large."""
         size = math.inf if self._grid is None else self._grid.cell * math.hypot(*self._grid.shape)
-        if distance > size and not subject.startswith("landmark/"):
+        if distance > size:
             text = f"is farther away than the map is large, {size:.3g} from corner to corner: has it another unit?"
-            self._warn(f"see {argument}", f"see({argument}={shown(value)}): {text}")
+            self._warn(f"{method} {argument}", f"{method}({argument}={shown(value)}): {text}")
 
     def _warn_of_stranger(self, subject: str) -> None:
         """Say once of a mate that the scenario does not name, where boards admit no guests as far as the scenario says.
@@ -376,7 +391,9 @@ class Robot(Membership):
         from robot_agent.driven import SinceStep
 
         if own is not None and self._own not in (own, None):
-            raise ValueError(f"{self.robot}: gives either compass and fixes, or beliefs of a filter of its own")
+            raise ValueError(
+                f"{self.robot}: gives either compass and fixes, or beliefs of a filter of its own; take them into that filter"
+            )
         self._own = self._own if own is None else own
         with self._lock:
             self._told = (self._told or SinceStep()).plus(SinceStep(**told))

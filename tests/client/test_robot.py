@@ -218,7 +218,7 @@ def test_a_belief_or_particles_outside_the_grid_are_warned_of_once(caplog: pytes
     robot.belief((2.0, 3.0, 0.0), np.eye(3), (0, 0, 0.1))
     for x in (200.0, 201.0):
         robot.belief((x, 2.0, 0.0), np.eye(3), (0, 0, 0.1))
-    robot.particles([(200.0, 2.0, 0.1), (200.0, 2.0, 0.1)], (0, 0, 0.1))
+    robot.particles([(200.0, 2.0, 0.1), (200.0, 2.1, 0.1)], (0, 0, 0.1))
     assert caplog.messages == ["r1: a belief at (200, 2) is outside the team's grid: has it another unit or frame?"]
 
 
@@ -299,16 +299,66 @@ def test_angles_of_more_than_a_whole_turn_are_warned_of_once(caplog: pytest.LogC
         robot.compass(heading)
     robot.fix((1.0, 1.0), 0.1, 270.0, 0.1)
     robot.odometry(0.1, 45.0, 0.1)
+    of_filters = Robot("r2", "demo")
+    of_filters.belief((1.0, 1.0, 270.0), np.eye(3), (0, 0, 0.1))
+    of_filters.particles([(1.0, 1.0, 0.0), (1.0, 1.0, -90.0)], (0, 0, 0.1))
     assert caplog.messages == [
         "r1: compass(heading=90): is more than a whole turn; give radians",
         "r1: fix(heading=270): is more than a whole turn; give radians",
         "r1: odometry(turn=45): is more than a whole turn; give radians",
+        "r2: belief(heading=270): is more than a whole turn; give radians",
+        "r2: particles(heading=-90): is more than a whole turn; give radians",
     ]
+
+
+def test_a_way_that_is_longer_than_the_map_is_large_is_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot("r1", grid=GRID)  # 10 by 8 m
+    for way in (12.8, 1500.0, 1600.0):
+        robot.odometry(way, 0.0, 0.1)
+    assert caplog.messages == [
+        "r1: odometry(distance=1500.0): is farther away than the map is large, 12.8 from corner to corner: "
+        "has it another unit?"
+    ]
+
+
+def test_particles_that_are_all_alike_are_warned_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    robot = Robot("r1", "demo")
+    for _ in range(2):
+        robot.particles(np.ones((50, 3)), (0, 0, 0.1))
+    assert caplog.messages == [
+        "r1: particles(particles=...): are all alike, and say that the pose is certain: spread them"
+    ]
+
+
+def test_a_fourth_number_of_the_odometry_of_a_belief_is_said_to_be_the_way_to_the_left(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """Who leaves out the second sigma drove sideways by the first one."""
+    robot = Robot("r1", "demo")
+    for odometry in (
+        (0, 0, 0.1),
+        (0.1, 0, 0.1, 0.0),
+        (0.1, 0, 0.1, 0.02, 0.01),
+        (0.1, 0, 0.1, 0.02),
+        (0.1, 0, 0.1, 0.03),
+    ):
+        robot.belief((1.0, 1.0, 0.0), np.eye(3), odometry)
+    assert caplog.messages == [
+        "r1: odometry=(0.1, 0, 0.1, 0.02): has 4 numbers: the last is the way to the left; "
+        "one with sigmas has both of them, and so 5 numbers"
+    ]
+
+
+def test_only_the_first_belief_may_come_without_odometry() -> None:
+    robot = Robot("r1", "demo")
+    robot.belief((1.0, 1.0, 0.0), np.eye(3))
+    with pytest.raises(ValueError, match=r"^belief\(odometry=None\): give \(distance, turn, dt\) since the last one"):
+        robot.belief((1.0, 1.0, 0.0), np.eye(3))
 
 
 def test_a_filter_of_its_own_and_particles(endpoint: str) -> None:
     with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
-        robot.belief((2.0, 3.0, 0.0), np.diag([0.04, 0.04, 0.01]), (0.0, 0.0, 0.1))
+        robot.belief((2.0, 3.0, 0.0), np.diag([0.04, 0.04, 0.01]))
         pose = robot.step()
         assert present(pose).mean == pytest.approx((2.0, 3.0, 0.0))
         robot.belief((2.1, 3.0, 0.0), np.diag([0.01, 0.01, 0.01]), (0.1, 0.0, 0.1, 0.01, 0.01))
