@@ -57,13 +57,20 @@ class Refusals:
         put(self._entries, (sub_team, robot), _Entry(notice, early, waited, due=True), MAX_SOURCES)
 
     def handled(self, key: str) -> None:
-        """A message on a key was taken: what came too early from the same robot is so no longer."""
-        if self._entries and (robot := _robot_of(key)) is not None:
-            entry = self._entries.get(robot[0])
-            if entry is not None and entry.early and entry.due:
-                del self._entries[robot[0]]
-            elif entry is not None:
-                entry.waited = False
+        """A message on a key was taken: what came too early from the same robot is so no longer.
+
+        A status says nothing of reports. Its stamp may be right where theirs is hours old.
+        """
+        if not self._entries or (writer := _robot_of(key)) is None:
+            return
+        robot, subject = writer
+        entry = self._entries.get(robot)
+        if entry is None or (entry.early and (subject is None) != (entry.notice.subject is None)):
+            return
+        if entry.early and entry.due:
+            del self._entries[robot]
+        else:
+            entry.waited = False
 
     def due(self, now: float) -> list[tuple[str, Notice]]:
         """What is to be sent now, with the sub-teams: at most once in a `PERIOD`, and of each robot only what is new."""

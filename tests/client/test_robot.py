@@ -423,6 +423,18 @@ def test_time_does_not_go_back(endpoint: str) -> None:
             robot.step(time=now - 1)
 
 
+def test_what_boards_refuse_because_it_is_old_comes_back(endpoint: str) -> None:
+    with serving(endpoint, GRID, fusion="joint"), Robot("r1", endpoint=endpoint) as robot:
+        robot.fix((2.0, 3.0), 0.1, 0.0, 0.1)
+
+        def is_refused() -> bool:
+            robot.odometry(0.0, 0.0, 0.1)
+            robot.step(time=robot.time - 20.0)
+            return any(refusal.reason == "past" for refusal in robot.refused)
+
+        wait_until(is_refused, "the board says that it refuses what is old")
+
+
 def test_a_time_of_another_clock_is_named(endpoint: str) -> None:
     """As `time.monotonic()`: boards refused all that the robot said, and the program heard nothing of it."""
     with serving(endpoint, GRID), Robot("r1", endpoint=endpoint) as robot:

@@ -54,6 +54,16 @@ def test_what_was_taken_after_all_is_not_told_and_a_later_one_waits_again() -> N
     assert refusals.due(30.0) == []
 
 
+def test_a_status_that_is_taken_does_not_hide_that_reports_are_refused() -> None:
+    """Where no world is, reports that were stamped long ago were refused in silence."""
+    refusals = Refusals()
+    for at in (10.0, 10.5):
+        early(refusals)
+        assert refusals.due(at) == []
+        refusals.handled("cop/t/a/status/r1")
+    assert [refusal.reason for _, refusal in refusals.due(10.0 + PERIOD)] == ["unregistered"]
+
+
 def test_a_robot_that_was_told_and_then_taken_may_come_early_again() -> None:
     refusals = Refusals()
     refusals.record(key("r1"), Refused("grid", ""))
