@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any
 
 from blackboard.config import Scenario
+from blackboard.opinion.classes import LANDMARK
 from blackboard.opinion.gaussian.joint import Moments
 from blackboard.opinion.gaussian.vehicle import KEPT, Nuisance
 from blackboard.opinion.grid import Array
@@ -172,8 +173,7 @@ class Driven(AgentService):
         self._pending = SinceStep()  # what no tick has taken yet
         self._extrapolated = Extrapolated()
         self._guessed = 0  # steps in which it saw something while odometry was extrapolated
-        self._warned = False  # that beliefs come from the team
-        self._is_old_told = False  # that a sighting is older than the motions that are kept
+        self._said = set[str]()  # of what it was warned
         self._covered: Covered | None = Covered()  # None once it was said what is wrong
         super().__init__(sensors=sensors, hears_readings=False, **arguments)
 
@@ -206,22 +206,28 @@ class Driven(AgentService):
             self._own().give(self._pending.posterior, self._pending.after)
         if self._covered is not None and (text := self._covered.hear(self._pending.odometry, stamp)) is not None:
             self._covered = None
-            log.warning("%s: %s", self.robot, text)
+            self._say_once("covered", text)
         self._extrapolated = self._extrapolated.after(self._pending.odometry, stamp)
         self._warn_of_guessed(self._pending)
         self._pending = replace(self._pending, odometry=self._extrapolated.odometry)
         self._warn_of_old(self._pending)
+        self._warn_of_unmapped(self._pending)
         self._wait_with(self._pending.readings(run, self.robot, tick, stamp), now)
         self._pending = SinceStep()
         out = self._turn(now)
-        if (independence := self.independence) is not None and independence.fed_back and not self._warned:
-            self._warned = True
-            log.warning(
-                "%s: its beliefs say what the team believed, and count no more while they do: feed nothing back; "
+        if (independence := self.independence) is not None and independence.fed_back:
+            self._say_once(
+                "fed back",
+                "its beliefs say what the team believed, and count no more while they do: feed nothing back; "
                 "if you do not, their covariance may be too small",
-                self.robot,
             )
         return self.pose(), out
+
+    def _say_once(self, what: str, text: str) -> None:
+        """Log a warning, the first of its kind."""
+        if what not in self._said:
+            self._said.add(what)
+            log.warning("%s: %s", self.robot, text)
 
     def _warn_of_guessed(self, since: SinceStep) -> None:
         """Say once that odometry is extrapolated where the robot sees something."""
@@ -229,10 +235,10 @@ class Driven(AgentService):
             return
         self._guessed += 1
         if self._guessed == GUESSED:
-            log.warning(
-                "%s: it sees something in steps without odometry, and where it was then is extrapolated; "
+            self._say_once(
+                "guessed",
+                "it sees something in steps without odometry, and where it was then is extrapolated; "
                 "call odometry() in each step, also beside belief()",
-                self.robot,
             )
 
     def _warn_of_old(self, since: SinceStep) -> None:
@@ -240,14 +246,19 @@ class Driven(AgentService):
         longest = KEPT + (0.0 if since.odometry is None else since.odometry.dt)
         told: list[Sighting | Seen] = [*since.sightings, *since.seen]
         age = max((sighting.age for sighting in told), default=0.0)
-        if age > longest and not self._is_old_told:
-            self._is_old_told = True
-            log.warning(
-                "%s: see(age=%g): its way is kept for %.3g s, and where it was before is guessed; "
+        if age > longest:
+            self._say_once(
+                "old",
+                f"see(age={age:g}): its way is kept for {longest:.3g} s, and where it was before is guessed; "
                 "tell sightings sooner, and their age in seconds",
-                self.robot,
-                age,
-                longest,
+            )
+
+    def _warn_of_unmapped(self, since: SinceStep) -> None:
+        """Say once that landmarks without names tell nothing where the scenario has no map of them."""
+        if not self._sensors.landmarks and any(seen.subject == LANDMARK for seen in since.sightings):
+            self._say_once(
+                "unmapped",
+                f"see({LANDMARK!r}) tells nothing: the scenario has no map; give [robot] landmarks, or see('landmark/NAME', at=...)",
             )
 
     def _own(self) -> Given:

@@ -384,6 +384,21 @@ def test_whatever_the_times_and_pieces_what_is_extrapolated_is_odometry(
 
 
 @pytest.mark.parametrize("joint", [True, False])
+def test_landmarks_without_names_are_warned_of_once_where_there_is_no_map(
+    joint: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = new_robot(joint)
+    robot.step(START, NOW)
+    for number in range(3):
+        robot.step(
+            replace(AHEAD, sightings=(Sighting(subject="landmark/?", range=1.0, bearing=0.0),)),
+            NOW + 0.1 * (number + 1),
+        )
+    (line,) = caplog.messages
+    assert line.startswith("r1: see('landmark/?') tells nothing: the scenario has no map; give [robot] landmarks")
+
+
+@pytest.mark.parametrize("joint", [True, False])
 def test_a_sighting_older_than_the_motions_that_are_kept_is_warned_of_once(
     joint: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
