@@ -64,6 +64,7 @@ DESCRIBED = Nuisance(sigmas=(0.02, 0.03, 0.0, 0.01, 0.0, 0.02), walks=(0.003, 0.
 
 BENDS = 0.5 / math.sqrt(3)  # `Wheels.bends`: a turn begins or ends at any time within a step
 PIECES = 50  # of odometry, before it is judged which time they cover
+SURE = 2.0  # times: a filter whose variances are too small by more is told so
 GUESSED = 10  # steps that see something without odometry, after which that is said
 SILENT = 1.0  # seconds without any odometry, after which that is said
 LACKING, UNIT = 0.7, 20.0  # times the time that passed: less leaves motion out, more is of another unit
@@ -220,6 +221,12 @@ class Driven(AgentService):
                 "fed back",
                 "its beliefs say what the team believed, and count no more while they do: feed nothing back; "
                 "if you do not, their covariance may be too small",
+            )
+        if independence is not None and independence.too_small > SURE:
+            self._say_once(
+                "too small",
+                f"its posteriors move as if their variances were {independence.too_small:.2g} times as large: what they gain "
+                "counts that much less; give larger covariances",
             )
         return self.pose(), out
 

@@ -273,7 +273,10 @@ class Robot(Membership):
 
     @property
     def independence(self) -> Independence | None:
-        """Of a robot that gives beliefs: how independent of the team's belief they are; `fed_back` where they come from it."""
+        """Of a robot that gives beliefs: how independent of the team's belief they are; `fed_back` where they come from it.
+
+        `too_small` is by what the variances are too small, as the way of the posteriors shows; what they gain counts as much less.
+        """
         return self._desk.call(lambda now: (self._driven.independence, []))
 
     def _posterior(self, known: Call, mean: Any, covariance: Any, odometry: npt.ArrayLike | None) -> None:

@@ -15,9 +15,11 @@ import numpy as np
 from blackboard.opinion.chi_squared import GATE, MEDIAN, quantile
 from blackboard.opinion.gaussian.increment import Increment, likelihood
 from blackboard.opinion.gaussian.joint import Block, Joint, Moments, squared_distance
+from blackboard.opinion.gaussian.mounts import surely
 from blackboard.opinion.gaussian.vehicle import HEADING, POSE, Motion, Nuisance, drive, entering, wrap
 from blackboard.opinion.grid import Array
 from blackboard.wire.messages import Odometry, Readings
+from robot_agent.gaussian.factors import NoiseFactor, NoiseFactors
 from robot_agent.gaussian.filter import FilterResult, FirstHand
 from robot_agent.gaussian.landmarks import Named
 
@@ -37,12 +39,18 @@ class Independence:
     """Mutable: how far what was gained is from what the team believed, over what is to be expected of independent evidence.
 
     `ratio` is the median of the squared distances over that of chi-squared. With true covariances it is at most about 1, because the
-    nearer of two distances counts: good filters had .14 to .68. Covariances that are 4 or 16 times too small had .02 to .21: the team
-    then believes little else. None until enough was gained.
+    nearer of two distances counts: good filters had .14 to .68. Where sensors err by more than their filter knows it is larger (1.9,
+    2.6). Where all covariances are 4 or 16 times too small it was .02 to .21: the team then believes little else. None until enough
+    was gained.
     """
 
     gains: int = 0
+    shift: NoiseFactor = field(default_factory=NoiseFactor)  # of how far posteriors move, over what their gains allow
     _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    _shifts: NoiseFactors = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._shifts = NoiseFactors((self.shift,))
 
     @property
     def ratio(self) -> float | None:
@@ -52,6 +60,25 @@ class Independence:
     def fed_back(self) -> bool:
         """Whether what the team believed comes back as evidence; none is taken then."""
         return self.ratio is not None and self.ratio < ALIKE
+
+    @property
+    def too_small(self) -> float:
+        """By what the filter's variances are surely too small; 1: they are not."""
+        return max(1.0, surely(*self.shift.log))
+
+    def on_shift(self, prediction: Moments, posterior: Moments) -> None:
+        """Take by how far a posterior is from its prediction, both (x, y, heading), shape (3,) and (3, 3).
+
+        Along an axis in which it loses the variance v, that is N(0, v) where the filter is right about itself.
+        """
+        root = np.linalg.cholesky(prediction.covariance + FLOAT * np.abs(prediction.covariance).max() * np.eye(3))
+        white = np.linalg.solve(root, np.linalg.solve(root, posterior.covariance).T)
+        left, axes = np.linalg.eigh(0.5 * (white + white.T))
+        apart = posterior.mean - prediction.mean
+        apart[HEADING] = wrap(float(apart[HEADING]))
+        moved, removed = axes.T @ np.linalg.solve(root, apart), 1.0 - left
+        for shift in moved[removed > WEIGHTY] / np.sqrt(removed[removed > WEIGHTY]):
+            self._shifts.weigh(np.array([shift]), np.zeros((1, 1)), np.ones((1, 1, 1)))
 
     def judge(self, robot: Block, gain: Increment, shown: Moments, moved: Moments) -> None:
         """Take a gain against what the robot was shown last of the team's belief, and the same moved on to now; blocks of 9 states.
@@ -116,12 +143,23 @@ class Given(FirstHand):
             self.joint.add(self.robot, entering(given, Nuisance()))
             self._newest, self._since = given, Motion()
         self.gain = self._gained(prediction)
+        if given is not None and prediction is not None and self.gain is not None:
+            before = Moments(prediction.mean[POSE], prediction.covariance[POSE, POSE])
+            self.independence.on_shift(before, given)
         told_of = not self.independence.fed_back
         increment, unsent = (self.gain, self._gained(self._unsent.before)) if told_of else (None, None)
+        increment, unsent = (self._widened(one) for one in (increment, unsent))
         _, others = self._sightings(Named(readings), motion.dt)
         others += self._unnamed(readings, motion.dt)
         said = self.travelled, self.sensors.wheels.nuisance, self.belief, increment, others, readings.time
         return FilterResult(self.robot, self.epoch, readings.tick, *said, motion=motion, unsent=unsent)
+
+    def _widened(self, gain: Increment | None) -> Increment | None:
+        """A gain that counts as much less as the filter's variances are too small."""
+        if gain is None:
+            return None
+        share = 1.0 / self.independence.too_small
+        return replace(gain, information=share * gain.information, vector=share * gain.vector)
 
     def enter(self, pose: Moments) -> None:
         """A pose from a grid is of no use: the own filter knows better."""

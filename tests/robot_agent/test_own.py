@@ -209,6 +209,39 @@ def test_what_came_from_the_team_is_noticed() -> None:
     assert independence.fed_back
 
 
+def claiming(share: float, seed: int) -> tuple[Own, list[FilterResult]]:
+    """A filter that claims so small a share of all its true variances, and measures its place in each fifth step."""
+    own, random, truth, told = (
+        Own(noise=2e-3),
+        np.random.default_rng(seed),
+        np.array([1.0, 2.0, 0.0]),
+        list[FilterResult](),
+    )
+    truth = random.multivariate_normal(truth, own.covariance)
+    own.noise, noise = np.diag([2e-3, 2e-3, 1e-4]), np.diag([0.04, 0.04, 0.02])
+    for number in range(300):
+        truth = truth + [0.1, 0.1 * truth[2], 0.0] + random.multivariate_normal(np.zeros(3), own.noise)
+        ahead = own.mean[2]
+        own.drive()
+        own.mean[1] += 0.1 * ahead
+        if number % 5 == 0:
+            own.measure(random.multivariate_normal(truth, noise), noise)
+        honest, own.covariance = own.covariance, share * own.covariance
+        told.append(own.tell())
+        own.covariance = honest
+    return own, told
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_filter_that_claims_too_small_variances_counts_less(seed: int) -> None:
+    """By how far its posteriors move: a step in which they lose the variance v moves them by N(0, v), if they are right."""
+    (honest, said), (sure, claimed) = (claiming(share, seed) for share in (1.0, 0.25))
+    assert honest.given.independence.too_small <= 1.2
+    assert 2.5 <= sure.given.independence.too_small <= 5.0
+    counted = [present(results[295].increment).information.max() for results in (said, claimed)]
+    assert 0.7 <= counted[1] / counted[0] <= 1.6, "four times as much, if it were believed"
+
+
 def test_particles_are_one_hypothesis_or_none() -> None:
     random = np.random.default_rng(1)
     cloud = random.multivariate_normal([3.0, 4.0, math.pi], np.diag([0.1, 0.2, 0.05]), 4000)
