@@ -64,7 +64,7 @@ DESCRIBED = Nuisance(sigmas=(0.02, 0.03, 0.0, 0.01, 0.0, 0.02), walks=(0.003, 0.
 
 BENDS = 0.5 / math.sqrt(3)  # `Wheels.bends`: a turn begins or ends at any time within a step
 PIECES = 50  # of odometry, before it is judged which time they cover
-SURE = 2.0  # times: a filter whose variances are too small by more is told so
+TOO_SMALL = 2.0  # the factor by which variances of an own filter are too small, above which a warning says so
 GUESSED = 10  # steps that see something without odometry, after which that is said
 SILENT = 1.0  # seconds without any odometry, after which that is said
 LACKING, UNIT = 0.7, 20.0  # times the time that passed: less leaves motion out, more is of another unit
@@ -174,7 +174,7 @@ class Driven(AgentService):
         self._pending = SinceStep()  # what no tick has taken yet
         self._extrapolated = Extrapolated()
         self._guessed = 0  # steps in which it saw something while odometry was extrapolated
-        self._said = set[str]()  # of what it was warned
+        self._said = set[str]()  # the kinds of warnings that were logged
         self._covered: Covered | None = Covered()  # None once it was said what is wrong
         super().__init__(sensors=sensors, hears_readings=False, **arguments)
 
@@ -222,7 +222,7 @@ class Driven(AgentService):
                 "its beliefs say what the team believed, and count no more while they do: feed nothing back; "
                 "if you do not, their covariance may be too small",
             )
-        if independence is not None and independence.too_small > SURE:
+        if independence is not None and independence.too_small > TOO_SMALL:
             self._say_once(
                 "too small",
                 f"its posteriors move as if their variances were {independence.too_small:.2g} times as large: what they gain "
@@ -231,7 +231,7 @@ class Driven(AgentService):
         return self.pose(), out
 
     def _say_once(self, what: str, text: str) -> None:
-        """Log a warning, the first of its kind."""
+        """Log a warning, if none of its kind was logged before."""
         if what not in self._said:
             self._said.add(what)
             log.warning("%s: %s", self.robot, text)

@@ -275,7 +275,8 @@ class Robot(Membership):
     def independence(self) -> Independence | None:
         """Of a robot that gives beliefs: how independent of the team's belief they are; `fed_back` where they come from it.
 
-        `too_small` is by what the variances are too small, as the way of the posteriors shows; what they gain counts as much less.
+        `too_small` is the factor by which the filter's variances are too small, as the moves of its posteriors show. The team divides
+        the information of what they gain by it.
         """
         return self._desk.call(lambda now: (self._driven.independence, []))
 
@@ -297,7 +298,7 @@ class Robot(Membership):
         aside = sigmas.pop() if size in (4, 6) else 0.0
         if size == 4 and aside:
             text = "has 4 numbers: the last is the way to the left; one with sigmas has both of them, and so 5 numbers"
-            self._warn("4 numbers", f"odometry={shown(odometry)}: {text}")
+            self._warn("4 numbers", str(known.wrong("odometry", odometry, text)))
         if dt < LEAST:
             raise known.wrong("odometry", odometry, f"dt is {dt:g}; give the seconds that it took, at least {LEAST:g}")
         told = dict(zip(("distance_sigma", "turn_sigma"), sigmas, strict=False))

@@ -129,7 +129,7 @@ class AbsoluteSensors:
     _headed: float = 0.0  # radians: the robot's heading at the newest fix
     _since: Joint | None = None  # the robot's motion since the newest fix, by odometry
     # By sensor, the newest heading, moved on by odometry since, and its claimed variance (rad^2).
-    _headed_since: dict[str, tuple[Joint, float]] = field(default_factory=dict)
+    _newest_headings: dict[str, tuple[Joint, float]] = field(default_factory=dict)
     _beyond: dict[str, Beyond] = field(default_factory=dict)  # by sensor
 
     def __post_init__(self) -> None:
@@ -160,7 +160,7 @@ class AbsoluteSensors:
     def forget(self) -> None:
         """The belief was given up: the next fix is not compared with the one before."""
         self._newest, self._since = None, None
-        self._headed_since.clear()
+        self._newest_headings.clear()
         self._beyond.clear()
         self.drifting.forget()
 
@@ -178,7 +178,7 @@ class AbsoluteSensors:
 
     def move(self, motion: Motion) -> None:
         """Move on from the newest fix and headings by odometry."""
-        for since in (self._since, *(turned for turned, _ in self._headed_since.values())):
+        for since in (self._since, *(turned for turned, _ in self._newest_headings.values())):
             if since is not None:
                 drive(since, self.robot, motion, self.nuisance)
 
@@ -276,14 +276,14 @@ class AbsoluteSensors:
 
     def _judge_heading(self, joint: Joint, name: str, read: float, variance: float) -> None:
         """Weigh the noise of headings by the difference (rad) of two in a row, less the turn between them by odometry."""
-        if name in self._headed_since:
-            since, before = self._headed_since[name]
+        if name in self._newest_headings:
+            since, before = self._newest_headings[name]
             led, spread = since.moments(self.robot).of(HEADING)
             fresh = np.array([[[variance + before]]])
             self._factors_of(name, self.headings[name]).weigh(np.array([wrap(read - led)]), np.array([[spread]]), fresh)
         here = _beginning(joint.moments(self.robot), HEADING)
         here.mean[HEADING] = read
-        self._headed_since[name] = Joint.of({self.robot: here}), variance
+        self._newest_headings[name] = Joint.of({self.robot: here}), variance
 
     def _correct(self, joint: Joint, name: str, factor: Factor, time: float) -> None:
         """Take a reading at a team time (s), with as much noise as brings it to the gate."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from blackboard.opinion.chi_squared import GATE, MEDIAN, quantile
-from blackboard.opinion.gaussian.increment import Increment, likelihood
+from blackboard.opinion.gaussian.increment import Increment, along_axes, likelihood
 from blackboard.opinion.gaussian.joint import Block, Joint, Moments, squared_distance
 from blackboard.opinion.gaussian.mounts import surely
 from blackboard.opinion.gaussian.vehicle import HEADING, POSE, Motion, Nuisance, drive, entering, wrap
@@ -45,7 +45,8 @@ class Independence:
     """
 
     gains: int = 0
-    shift: NoiseFactor = field(default_factory=NoiseFactor)  # of how far posteriors move, over what their gains allow
+    # The factor by which posteriors move farther than their variances allow.
+    shift: NoiseFactor = field(default_factory=NoiseFactor)
     _ratios: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
     _shifts: NoiseFactors = field(init=False)
 
@@ -63,22 +64,17 @@ class Independence:
 
     @property
     def too_small(self) -> float:
-        """By what the filter's variances are surely too small; 1: they are not."""
+        """The factor by which the filter's variances are surely too small; 1: they are not."""
         return max(1.0, surely(*self.shift.log))
 
-    def on_shift(self, prediction: Moments, posterior: Moments) -> None:
-        """Take by how far a posterior is from its prediction, both (x, y, heading), shape (3,) and (3, 3).
+    def on_posterior(self, prediction: Moments, posterior: Moments) -> None:
+        """Take by how far a posterior is from its prediction, both of a robot's block.
 
-        Along an axis in which it loses the variance v, that is N(0, v) where the filter is right about itself.
+        Along an axis in which the variance falls by v, the mean moves by N(0, v) if the filter's variances are right.
         """
-        root = np.linalg.cholesky(prediction.covariance + FLOAT * np.abs(prediction.covariance).max() * np.eye(3))
-        white = np.linalg.solve(root, np.linalg.solve(root, posterior.covariance).T)
-        left, axes = np.linalg.eigh(0.5 * (white + white.T))
-        apart = posterior.mean - prediction.mean
-        apart[HEADING] = wrap(float(apart[HEADING]))
-        moved, removed = axes.T @ np.linalg.solve(root, apart), 1.0 - left
-        for shift in moved[removed > WEIGHTY] / np.sqrt(removed[removed > WEIGHTY]):
-            self._shifts.weigh(np.array([shift]), np.zeros((1, 1)), np.ones((1, 1, 1)))
+        _, moved, gain = along_axes(prediction, posterior, WEIGHTY / (1 - WEIGHTY))
+        for error in moved * np.sqrt((1 + gain) / gain):
+            self._shifts.weigh(np.array([error]), np.zeros((1, 1)), np.ones((1, 1, 1)))
 
     def judge(self, robot: Block, gain: Increment, shown: Moments, moved: Moments) -> None:
         """Take a gain against what the robot was shown last of the team's belief, and the same moved on to now; blocks of 9 states.
@@ -143,9 +139,8 @@ class Given(FirstHand):
             self.joint.add(self.robot, entering(given, Nuisance()))
             self._newest, self._since = given, Motion()
         self.gain = self._gained(prediction)
-        if given is not None and prediction is not None and self.gain is not None:
-            before = Moments(prediction.mean[POSE], prediction.covariance[POSE, POSE])
-            self.independence.on_shift(before, given)
+        if self.gain is not None and prediction is not None and self.belief is not None:
+            self.independence.on_posterior(prediction, self.belief)
         told_of = not self.independence.fed_back
         increment, unsent = (self.gain, self._gained(self._unsent.before)) if told_of else (None, None)
         increment, unsent = (self._widened(one) for one in (increment, unsent))
@@ -155,7 +150,7 @@ class Given(FirstHand):
         return FilterResult(self.robot, self.epoch, readings.tick, *said, motion=motion, unsent=unsent)
 
     def _widened(self, gain: Increment | None) -> Increment | None:
-        """A gain that counts as much less as the filter's variances are too small."""
+        """A gain with its information divided by the factor by which the filter's variances are too small."""
         if gain is None:
             return None
         share = 1.0 / self.independence.too_small

@@ -344,7 +344,7 @@ def test_a_fourth_number_of_the_odometry_of_a_belief_is_said_to_be_the_way_to_th
     ):
         robot.belief((1.0, 1.0, 0.0), np.eye(3), odometry)
     assert caplog.messages == [
-        "r1: odometry=(0.1, 0, 0.1, 0.02): has 4 numbers: the last is the way to the left; "
+        "r1: belief(odometry=(0.1, 0, 0.1, 0.02)): has 4 numbers: the last is the way to the left; "
         "one with sigmas has both of them, and so 5 numbers"
     ]
 

@@ -40,6 +40,18 @@ def gained(prediction: Moments, belief: Moments) -> Increment | None:
 
     Directions in which the belief is wider than its prediction (a new linearisation point) are left out.
     """
+    rows, moved, gain = along_axes(prediction, belief, FAINT)
+    if not len(gain):
+        return None
+    return Increment(prediction.mean.copy(), (rows.T * gain) @ rows, rows.T @ (moved * (1 + gain)))
+
+
+def along_axes(prediction: Moments, belief: Moments, least: float) -> tuple[Array, Array, Array]:
+    """The axes along which a belief gained over its prediction, both of a robot's block, at least this share of information.
+
+    For each axis its row, shape (axes, 12), that turns a state into sigmas of the prediction; by how many of these the mean moved;
+    and the information gained, as a share of the prediction's. The errors along two axes are independent.
+    """
     scale = np.sqrt(np.diag(prediction.covariance))
     known = scale <= KNOWN**0.5
     scale = np.where(known, 1.0, scale)
@@ -52,14 +64,12 @@ def gained(prediction: Moments, belief: Moments) -> Increment | None:
     white = np.linalg.solve(root, np.linalg.solve(root, after).T)
     left, axes = np.linalg.eigh(0.5 * (white + white.T))
     gain = 1 / np.maximum(left, LEAST_LEFT) - 1
-    told = gain > FAINT
-    if not told.any():
-        return None
+    told = gain > least
     gain, axes = gain[told], axes[:, told]
     rows = np.zeros((len(gain), len(scale)))
     rows[:, free] = np.linalg.solve(root.T, axes).T / scale[free]
     moved = axes.T @ np.linalg.solve(root, (shift / scale)[free])
-    return Increment(prediction.mean.copy(), (rows.T * gain) @ rows, rows.T @ (moved * (1 + gain)))
+    return rows, moved, gain
 
 
 def likelihood(joint: Joint, robot: Block, increment: Increment) -> Factor | None:
